@@ -68,6 +68,7 @@ from agents.specification.learning import Learning
 from agents.specification.object_queries import ObjectQueries
 from agents.specification.remote_changes import SpecificationChanges
 from agents.specification.specification_part import SpecificationPart
+from agents.succession.mission_succession import MissionSuccession
 from agents.tasks.life import TaskLife
 from dyknow import Label, Network
 from dyknow.model.errors import UnitError
@@ -88,7 +89,7 @@ from reasoning import AlarmEvent, Profile
 T = TypeVar("T", bound=Part)
 
 PARTS: tuple[type[Part], ...] = (
-    Cameras, WinchStream, CameraAttention, FlightAgent, Performing, MissionLeading, MissionProposals, MissionRelay, Following, RecoveringAnchors, Faults, Shedding, LocalInstance, FederationAgent, ImportProxy, LabelAgreements, SubscriptionKeeper, SilentImports, Bids, Calls, AreaAssignment, AreaDivision, Scanning,
+    Cameras, WinchStream, CameraAttention, FlightAgent, Performing, MissionLeading, MissionProposals, MissionRelay, MissionSuccession, Following, RecoveringAnchors, Faults, Shedding, LocalInstance, FederationAgent, ImportProxy, LabelAgreements, SubscriptionKeeper, SilentImports, Bids, Calls, AreaAssignment, AreaDivision, Scanning,
     Admission, PlatformTrust, UnitMonitoring,
     AlarmLog, Coordination, TaskLife, GivingWay, MonitorQueries, Checks, Recognitions, StreamQueries, SpecificationPart,
     SpecificationChanges, ObjectQueries, Learning, Wanting, Cooperation, Handover, Saliency, MessageLog, DirectoryAgent,
@@ -141,7 +142,7 @@ class Ports:
         wanted = (
             (Cameras, config.cameras), (CameraAttention, attends), (FlightAgent, config.vehicle), (Following, attends), (Scanning, attends), (RecoveringAnchors, attends),
             (WinchStream, config.vehicle), (Performing, config.vehicle), (MissionLeading, config.vehicle),
-            (MissionProposals, config.vehicle), (MissionRelay, not config.vehicle), (Faults, config.simulated),
+            (MissionProposals, config.vehicle), (MissionRelay, not config.vehicle), (MissionSuccession, config.vehicle), (Faults, config.simulated),
         )  # fmt: skip
         missing = {kind for kind, has in wanted if not has}
         return [kind for kind in (*PARTS[:-1], *config.extensions, PARTS[-1]) if kind not in missing]

@@ -33,6 +33,11 @@ class Permits:
         if len(self._leaders) > MOST:
             del self._leaders[next(iter(self._leaders))]
 
+    def leaders(self, mission: str, now_us: int) -> frozenset[str]:
+        """The platforms that may lead it."""
+        leaders, until_us = self._leaders.get(mission, (frozenset[str](), 0))
+        return leaders if now_us < until_us else frozenset()
+
     def end(self, mission: str) -> None:
         """The mission is over."""
         self._leaders.pop(mission, None)
@@ -41,8 +46,7 @@ class Permits:
         """Raise Refused if `sender` may not command the vehicle in that mission: `role`."""
         if self._role_of(sender) is Role.COMMAND_CENTRE:
             return
-        leaders, until_us = self._leaders.get(mission, (frozenset(), 0))
-        if sender not in leaders or now_us >= until_us:
+        if sender not in self.leaders(mission, now_us):
             raise Refused(
                 f"{sender} may not command the vehicle of {self._unit} in mission {mission}: "
                 "a command centre has not permitted it (permit-mission)",

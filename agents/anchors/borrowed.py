@@ -3,6 +3,7 @@
 from collections.abc import Callable
 from dataclasses import dataclass
 
+from agents.attention.following import Following
 from agents.missions.command_run import VehicleCommand
 from agents.missions.leading import MissionLeading
 from agents.missions.performing import Performing
@@ -11,7 +12,7 @@ from dyknow.model.errors import Refused
 
 @dataclass(eq=False)
 class BorrowedVehicle:
-    """Taken with the first flight, given back with `end`. Node clock.
+    """Taken with the first flight, given back with `end`. An object that it follows is followed again then. Node clock.
 
     Args:
         name: as which mission it flies where none has it.
@@ -24,6 +25,7 @@ class BorrowedVehicle:
 
     performing: Performing
     leading: MissionLeading
+    following: Following
     name: str
     unit: str
     on_performed: Callable[[int, str, int], None]
@@ -46,8 +48,10 @@ class BorrowedVehicle:
             return f"the vehicle takes part in mission {mission}, which another platform leads"
         try:
             if not mission:
+                self.following.pause(reason, now_us)
                 self.performing.join(self.name, self.unit, lambda _waits, _at_us: None, now_us)
         except Refused as refused:
+            self.following.go_on(refused.reason, now_us)
             return refused.reason
         self.halted, self._is_taken = mission, True
         return ""
@@ -69,7 +73,9 @@ class BorrowedVehicle:
             return
         self._is_taken = False
         if not self.halted:
+            overtaken = self.performing.waits
             self.performing.leave(now_us)
+            self.following.go_on(overtaken, now_us)
         elif self.leading.is_halted(self.halted):
             self.performing.stop("loiter")
             self.leading.go_on(self.halted, result, now_us)

@@ -13,6 +13,7 @@ from agents.anchors.described import described
 from agents.anchors.looking_again import LIMITS, LookingAgain
 from agents.anchors.viewpoints import Viewpoint
 from agents.attention.camera_attention import CameraAttention
+from agents.attention.following import Following
 from agents.attention.wanting import WantedTask, Wanting
 from agents.cameras.cameras import VIEW
 from agents.config import PlatformConfig
@@ -43,6 +44,8 @@ STALE_US: Final = 1_000_000
 OVERLAP: Final = 0.9
 """Of the width of a view, the distance of two places of a search."""
 USUAL_VIEW_M: Final = 30.0
+RELEASED_US: Final = 3_000_000
+"""Within this time after a symbol was taken from an object its recovery begins, or does not."""
 
 
 class _Recovery:
@@ -57,9 +60,10 @@ class _Recovery:
             self.looking.on_moved(number, failure, part.federation_us(at_us), at_us)
 
         self._vehicle = BorrowedVehicle(
-            part.performing, part.leading, f"anchor-{wanted.want.symbol}", part.unit, on_performed
+            part.performing, part.leading, part.following, f"anchor-{wanted.want.symbol}", part.unit, on_performed
         )
         self._attends = False
+        self._released_us: int | None = None
         content = wanted.content
         self.looking = LookingAgain(
             content.symbol,
@@ -97,7 +101,16 @@ class _Recovery:
             except Refused:
                 return
         self.looking.step(process.linkage, part.federation_us(now_us), now_us)
+        self._let_follow(now_us)
         self._wanted.task.state = self.looking.state[:200]
+
+    def _let_follow(self, now_us: int) -> None:
+        """What is followed under the symbol is followed again once it is decided, or nothing is done to decide it."""
+        if self._released_us is None or self.looking.recovery is not None:
+            return
+        if self.looking.anchored or self._part.federation_us(now_us) >= self._released_us + RELEASED_US:
+            self._released_us = None
+            self._part.following.go_on("", now_us)
 
     def on_event(self, event: LinkEvent, now_us: int) -> None:
         """What became of the object that has the symbol."""
@@ -122,7 +135,9 @@ class _Recovery:
 
     def anchor(self, symbol: str | None, now_us: int) -> str:
         """Give an object the symbol, or take it from that which has it; why that failed."""
-        del now_us
+        if symbol is None and self._part.following.symbol == self.symbol:
+            self._released_us = self._part.federation_us(now_us)
+            self._part.following.pause(f"it is open which object {self.symbol} is", now_us)
         undo, self._undo, self._only = self._undo, None, symbol
         if undo is not None:
             undo()
@@ -233,6 +248,7 @@ class RecoveringAnchors(Part):
         attention: turns the camera.
         leading: has plans made, lists missions and takes answers to their questions.
         wanting: takes what is wanted, and hands on what is to be recovered.
+        following: is paused while the vehicle looks again.
         queries: lists what happened to objects.
     """
 
@@ -249,6 +265,7 @@ class RecoveringAnchors(Part):
         performing: Performing,
         leading: MissionLeading,
         wanting: Wanting,
+        following: Following,
         queries: ObjectQueries,
         pilot: Pilot,
         instance: Instance,
@@ -257,6 +274,7 @@ class RecoveringAnchors(Part):
     ) -> None:
         self.unit, self._rig, self._agent, self._clock, self._directory = unit, config.rig, agent, clock, directory
         self.attention, self.performing, self.leading, self._pilot = attention, performing, leading, pilot
+        self.following = following
         self.instance, self._emit, self._note = instance, emit, note
         self.frame = config.rig.frame
         self._recoveries: dict[str, _Recovery] = {}

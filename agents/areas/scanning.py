@@ -123,6 +123,8 @@ class Scanning(Part):
     def _end(self, now_us: int) -> None:
         """The division was cancelled: the vehicle holds."""
         self._due_us = None
+        if self.scan is not None:
+            self._performing.permits.end(self.scan.task)
         self.scan = None
         self._leave(now_us)
         for unit in self._partners.units:
@@ -242,7 +244,7 @@ class Scanning(Part):
     def _leave(self, now_us: int) -> None:
         if self._joined:
             self._joined = ""
-            self._performing.leave(now_us)
+            self._performing.leave(now_us, is_over=self.scan is None)
 
     # -- what is told ------------------------------------------------------------------------------------------
 

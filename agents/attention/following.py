@@ -35,13 +35,20 @@ ORDERED_US = 1_500_000
 """The vehicle is sent elsewhere at most so often: an order is seen in its target a second later."""
 MOVED_M = 3.0
 SPEED_M_S = 12.0
+AGAIN_US = 3_000_000
+"""After a pause the object may be unknown for so long: it has just been given its symbol again."""
 _NEARER = (1.0, 0.75, 0.5, 0.25)
 """Shares of the way that are tried where the whole way is forbidden."""
 
 
 @dataclass(slots=True)
 class _Task:
-    """What is followed, for whom, and the order that stands for it."""
+    """What is followed, for whom, and the order that stands for it.
+
+    Attributes:
+        paused: what the vehicle is needed for instead; empty: it follows.
+        until_us: until then the object may be unknown.
+    """
 
     act: Act
     symbol: str
@@ -54,6 +61,8 @@ class _Task:
     is_seen: bool
     is_taken: bool = False
     forbidden: str = ""
+    paused: str = ""
+    until_us: int = 0
     leaps: Leaps = field(default_factory=Leaps)
 
 
@@ -171,6 +180,38 @@ class Following(Part):
             told = Progress(step=text[:200], unit=self._agent.unit)
             self._agent.tell(unit, told, now_us, conversation=task.conversation)
 
+    # -- paused ------------------------------------------------------------------------------------------------
+
+    @property
+    def symbol(self) -> str:
+        """What is followed; empty: nothing is."""
+        return "" if self._task is None else self._task.symbol
+
+    def pause(self, reason: str, now_us: int) -> None:
+        """The vehicle is needed for something else: nothing is sent until `go_on`."""
+        task = self._task
+        if task is not None and not task.paused:
+            task.paused = reason
+            self._tell(task, f"{task.symbol} is not followed meanwhile: {reason}", now_us)
+
+    def go_on(self, overtaken: str, now_us: int) -> None:
+        """It is free again; `overtaken`: its pilot or a user has it, which ends the task."""
+        task, federation_us = self._task, self._clock.federation_us(now_us)
+        if task is None or not task.paused:
+            return
+        task.paused, order = "", HoldOrder()
+        try:
+            commands = [] if overtaken else self._pilot.order(order)
+        except Refused as refused:
+            overtaken = refused.reason
+        if overtaken:
+            self._fail(task, overtaken, now_us)
+            return
+        task.order, task.errand, task.ordered_us = order, self._pilot.errand, federation_us - ORDERED_US
+        task.until_us, task.leaps, self._due_us = federation_us + AGAIN_US, Leaps(), federation_us + PERIOD_US
+        self._send(commands)
+        self._tell(task, f"{task.symbol} is followed again", now_us)
+
     # -- following ---------------------------------------------------------------------------------------------
 
     @property
@@ -182,6 +223,8 @@ class Following(Part):
         if task is None or federation_us < self._due_us:
             return
         self._due_us = federation_us + PERIOD_US
+        if task.paused:
+            return
         reason = self._overtaken(task)
         if reason:
             self._fail(task, reason, now_us)
@@ -194,6 +237,8 @@ class Following(Part):
         followed = next((each for each in objects if each.interest == "followed"), None)
         place = None if followed is None else expected(followed.places)
         if followed is None or place is None:
+            if federation_us < task.until_us:
+                return
             self._fail(task, f"{task.symbol} is not known any longer: it was forgotten", now_us)
             return
         self._on_seen(task, followed, now_us)

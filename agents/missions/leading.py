@@ -5,7 +5,7 @@ vehicle takes part if the problem has it; other platforms are requested to, with
 searched for in a process of its own. Progress, questions and the end are reported to the delegator, and listed on request.
 """
 
-from collections.abc import Callable
+from collections.abc import Callable, Mapping
 from functools import partial
 from typing import Final, Protocol
 
@@ -45,6 +45,7 @@ from planning.domains.model import Declarations
 from planning.execution import events
 from planning.recovery.options import MissionPhase
 from planning.search.plans import MissionPlan, plan_of
+from reasoning.formulas import tree
 
 P = Performative
 MOST: Final = 4
@@ -189,6 +190,27 @@ class MissionLeading(Part):
         timeout_us = min(round(content.timeout_s * 1e6), LONGEST_SEARCH_US)
         chain = content.chain or (act.sender.unit,)
         self._lead(MissionOrder(content.mission, act, conversation, chain, timeout_us, plan), texts, frame, now_us)
+
+    @property
+    def led(self) -> Mapping[str, LedMission]:
+        """The missions that it leads, by name."""
+        return self._led
+
+    def succeed(self, order: MissionOrder, texts: MissionTexts, now_us: int) -> None:
+        """Lead a mission whose leader is gone.
+
+        Raises:
+            Refused: this platform leads enough, or the origin of places is not known.
+        """
+        self._check_free(order.name)
+        frame = self._origin()
+        if frame is None:
+            raise Refused("the origin of places is not known", "no-origin")
+        self._tasks.check_free(order.conversation)
+        self._lead(order, texts, frame, now_us)
+        for one in texts.problem.init:
+            if texts.sensors.get(one.target.name) == "attached" and one.value == tree.Const(True):
+                self._led[order.name].sensors.take(*(each.name for each in one.target.args))
 
     def _lead(self, order: MissionOrder, texts: MissionTexts, frame: LocalFrame, now_us: int) -> None:
         """Begin: vehicles are requested to take part, their streams come."""

@@ -16,6 +16,7 @@ from dyknow import Value
 from dyknow.model.errors import Refused
 from federation.messages.acts import Act
 from federation.messages.contents import MissionEntry, MissionQuestion
+from planning.domains.model import Declarations
 from planning.execution import events
 from planning.recovery.mission import Mission
 from planning.recovery.options import MissionOptions, MissionPhase
@@ -56,7 +57,12 @@ class MissionPorts(Protocol):
 
 @dataclass(frozen=True, slots=True)
 class MissionOrder:
-    """What was delegated, by which act, as which task; `plan`: the one that was consented to, if one was proposed."""
+    """What was delegated, by which act, as which task.
+
+    Attributes:
+        plan: the one that was consented to, if one was proposed.
+        continues: why this platform leads it from its middle on; empty: it begins.
+    """
 
     name: str
     act: Act
@@ -64,6 +70,7 @@ class MissionOrder:
     chain: tuple[str, ...]
     timeout_us: int
     plan: MissionPlan | None = None
+    continues: str = ""
 
 
 class LedMission:
@@ -131,7 +138,7 @@ class LedMission:
         problem = with_initial(self.texts.problem, values)
         options = MissionOptions(period_us=PERIOD_US, search_us=self.order.timeout_us)
         self.mission = Mission(self.order.name, self.texts.domain, problem, options)
-        self._do(self.mission.start(self._ports.federation_us(now_us), self.order.plan), now_us)
+        self._do(self.mission.start(self._ports.federation_us(now_us), self.order.plan, self.order.continues), now_us)
         self._look(now_us)
 
     def _look(self, now_us: int) -> None:
@@ -146,6 +153,12 @@ class LedMission:
                 self._waits[name] = unit.waits
                 waits = events.PilotTookOver(name, unit.waits) if unit.waits else events.PilotGaveBack(name)
                 self.take(waits, now_us)
+
+    def left(self, now_us: int) -> Declarations | None:
+        """The problem as it is now; None: it has not begun, or what was lost is being looked for."""
+        if self.mission is None or self.mission.status.phase is MissionPhase.LOCATING:
+            return None
+        return self.mission.problem_at(self._ports.federation_us(now_us))
 
     def begin(self, now_us: int) -> None:
         """Have the streams of other platforms come."""

@@ -22,7 +22,7 @@ from federation.messages.contents import (
 P = Performative
 JOIN_US: Final = 3_000_000
 AGAIN_US: Final = 3_000_000
-"""After this long a platform that was lost, or refused, gets another request."""
+"""After this long a platform that was lost, or refused, gets another request, and so does a vehicle that could not take part."""
 OnPerformed = Callable[[int, str, int], None]
 """Takes the number of a step, why it failed (empty: it is done), and when."""
 
@@ -37,6 +37,7 @@ class OwnUnit:
     lost: str = ""
     is_ready: bool = False
     _step: int | None = None
+    _again: tuple[str, str, int] | None = None
 
     def join(self, mission: str, unit: str, now_us: int) -> None:
         """Give it to the mission."""
@@ -46,9 +47,9 @@ class OwnUnit:
 
         try:
             self.performing.join(mission, unit, tell, now_us)
-            self.is_ready = True
+            self.is_ready, self.lost, self._again = True, "", None
         except Refused as refused:
-            self.lost = refused.reason
+            self.lost, self._again = refused.reason, (mission, unit, now_us + AGAIN_US)
 
     def perform(self, step: int, action: str, commands: tuple[VehicleCommand, ...], now_us: int) -> None:
         self._step = step
@@ -60,7 +61,9 @@ class OwnUnit:
         self.performing.perform(action, commands, answer, now_us)
 
     def on_time(self, now_us: int) -> None:
-        """Nothing is due: what it does is heard of at once."""
+        """Give it to the mission once that is possible: as it flies home, it is not."""
+        if self._again is not None and now_us >= self._again[2]:
+            self.join(*self._again[:2], now_us)
 
     def abort(self, step: int, now_us: int) -> None:
         if self._step == step:
@@ -73,7 +76,7 @@ class OwnUnit:
     def leave(self, now_us: int) -> None:
         if self.is_ready:
             self.performing.leave(now_us)
-        self.is_ready = False
+        self.is_ready, self._again = False, None
 
 
 @dataclass(eq=False)

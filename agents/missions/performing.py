@@ -110,6 +110,11 @@ class Performing(Part):
         return "" if self._joined is None else self._joined.mission
 
     @property
+    def leader(self) -> str:
+        """The platform that leads it; empty: none does."""
+        return "" if self._joined is None else self._joined.leader
+
+    @property
     def waits(self) -> str:
         """Why it takes no commands of that mission now."""
         return self._pilot.mission.waits
@@ -154,15 +159,16 @@ class Performing(Part):
         self._joined = _Joined(mission, leader, conversation, tell)
         self._show(now_us)
 
-    def leave(self, now_us: int) -> None:
-        """The mission needs the vehicle no more: one that flies for it holds."""
+    def leave(self, now_us: int, *, is_over: bool = True) -> None:
+        """The mission needs the vehicle no more: one that flies for it holds. One that is not over may join again."""
         joined, self._joined = self._joined, None
         if joined is None:
             return
         if joined.run is not None and not joined.run.is_over:
             self.stop("loiter")
         self._pilot.end_mission()
-        self.permits.end(joined.mission)
+        if is_over:
+            self.permits.end(joined.mission)
         self._show(now_us)
 
     def _left(self, now_us: int) -> tuple[str, ...]:
@@ -175,7 +181,10 @@ class Performing(Part):
         if joined is None or not joined.conversation or joined.conversation != act.conversation_id:
             return False
         self._note(f"mission {joined.mission}: its leader {joined.leader} is gone; the vehicle holds")
+        leaders = self.permits.leaders(joined.mission, now_us)
         self._tasks.cancel(joined.conversation, now_us)
+        if leaders:
+            self.permits.permit(joined.mission, leaders, now_us)
         return True
 
     # -- performed ---------------------------------------------------------------------------------------------

@@ -69,13 +69,13 @@ class Mission:
         self._unknown: tuple[str, ...] = ()
         self._problem_now = problem
 
-    def start(self, now_us: int, plan: MissionPlan | None = None) -> list[MissionEffect]:
-        """Begin: with a plan that is given, or by a search for one."""
+    def start(self, now_us: int, plan: MissionPlan | None = None, why: str = "") -> list[MissionEffect]:
+        """Begin: with a plan that is given, or by a search for one; `why`: in the middle, as its former leader is gone."""
         self._begun_us, fresh_us = now_us, _FRESH_PERIODS * self.options.period_us
         self._beliefs = Beliefs(dict(self._task.values), now_us, fresh_us, self._task.default_of)
         if plan is not None:
             return self._execute(plan, now_us)
-        return self._search_plan("the mission begins", now_us)
+        return self._replan(why, now_us) if why else self._search_plan("the mission begins", now_us)
 
     @property
     def deadline_us(self) -> int | None:
@@ -190,9 +190,7 @@ class Mission:
         assert executor is not None  # noqa: S101 - a plan is executed
         if executor.fault is not None:
             return [*found, *self._recover(executor.fault, now_us)]
-        if executor.is_done:
-            return [*found, *self._finish(now_us)]
-        return found
+        return [*found, *self._finish(now_us)] if executor.is_done else found
 
     def _finish(self, now_us: int) -> list[MissionEffect]:
         """The plan has ended well: goals that do not hold after all are a fault."""
@@ -227,9 +225,8 @@ class Mission:
         self._faults[fault.name] += 1
         times = self._faults[fault.name]
         found = self._leave(fault.text, recovery.act, now_us)
-        found.append(
-            MissionNote("fault", f"{fault.text}; {recovery.name}, time {times} of {recovery.times}", fault.step)
-        )
+        text = f"{fault.text}; {recovery.name}, time {times} of {recovery.times}"
+        found.append(MissionNote("fault", text, fault.step))
         found += self._assume(recovery, fault.bound, now_us)
         found += self._units.leave_out(str(fault.bound.get(term.name, term.name)) for term in recovery.without)
         if times > recovery.times:
@@ -316,12 +313,15 @@ class Mission:
         return [events.SearchPlan(self._search, self._domain, self._problem_now, self._units.acting, limit_us, why)]
 
     def _rebuild(self, now_us: int) -> None:
-        """The problem as it is now."""
         self._let_happen(now_us)
+        if now_us - self._begun_us >= 1000 or self._replans:
+            self._problem_now = self.problem_at(now_us)
+
+    def problem_at(self, now_us: int) -> Declarations:
+        """The problem as it is now: the state that is held for true, the goals that are pursued."""
+        goals = [one for one in self._problem.goals if name_of(one) not in self._goals.dropped]
         elapsed_ms = (now_us - self._begun_us) // 1000
-        if elapsed_ms or self._replans:
-            goals = [one for one in self._problem.goals if name_of(one) not in self._goals.dropped]
-            self._problem_now = problem_now(self._problem, self._task, self._beliefs, self._unknown, goals, elapsed_ms)
+        return problem_now(self._problem, self._task, self._beliefs, self._unknown, goals, elapsed_ms)
 
     def _resume(self, now_us: int) -> list[MissionEffect]:
         """After a pause: the plan where it was interrupted, if it was kept and can continue, else a new one."""

@@ -134,8 +134,7 @@ def find_plan(
         soft = [one for one in kept if one.weight is not None]
         if isinstance(best, PlanFound) or not best.is_certain or not soft:
             return best
-        lightest = min(soft, key=lambda one: one.weight or 0.0)
-        dropped.append(lightest)
+        dropped.append(min(soft, key=lambda one: (one.weight or 0.0, -search.failed(one))))
 
 
 def _result(steps: Steps, nodes: int) -> PlanFound | NoPlan | None:
@@ -259,6 +258,7 @@ class _Search:
         for one, formula, ground in grounds:
             name = one.name or "goal"
             if ground == FALSE:
+                self._goals.failed[name] = 1
                 self._impossible = f"{name} cannot be reached: no operator changes what it is about"
                 return False
             inside = ground.parts if isinstance(ground, tree.And) else (ground,)
@@ -385,6 +385,11 @@ class _Search:
                             heappush(each, (place, number, child))
                 yield
         return self._none("", is_certain=True)
+
+    def failed(self, goal: GoalStatement) -> int:
+        """In how many states it was this goal that was missing: of equal ones, that is the one that is left aside."""
+        goals = getattr(self, "_goals", None)
+        return 0 if goals is None else goals.failed.get(goal.name or "goal", 0)
 
     def _none(self, reason: str, *, is_certain: bool) -> NoPlan:
         """Why there is no plan."""

@@ -9,6 +9,8 @@ How orders fare, as real autopilots showed it: `refuse=2` (MAV_RESULT: 1 tempora
 at which a ground station repeats the target that the vehicle had), `takeover` (a pilot takes the vehicle, and gives it back),
 `killed` (the autopilot ends: it reports and obeys nothing from then on, and its motors stop).
 
+`blind`: its cameras show nothing.
+
 How work with boxes fails: `failed-take-off` (it stays on the ground), `failed-attach` (the magnet takes hold of nothing),
 `dropped-box` (what hangs on the line falls, at once), `misplaced-box=3` (what is let go comes down 3 m from where it should),
 `late=3` (it flies at a third of its speed).
@@ -62,6 +64,7 @@ _KINDS = {
     "dropped-box": _Kind(None, 0, 0),
     "misplaced-box": _Kind(3.0, 0.0, 50.0),
     "late": _Kind(3.0, 1.0, 100.0),
+    "blind": _Kind(None, 0, 0),
 }
 KINDS = tuple(_KINDS)
 Beginning = Literal["start", "arm", "load"]

@@ -113,9 +113,9 @@ class SensedFlight:
         return body.position, heading
 
     def looking(self, now_us: int) -> tuple[Vector, Attitude, PanTilt] | None:
-        """Where the vehicle is, its heading, and where its mount points; None: nothing is heard of it, or it has no mount."""
+        """Where the vehicle is, its heading, and where its mount points; None: its cameras show nothing, or it has no mount."""
         position, heading = self.level_pose(now_us)
-        if self.mount is None or self._faults.holds("silence", now_us):
+        if self.mount is None or self._faults.holds("silence", now_us) or self._faults.holds("blind", now_us):
             return None
         return position, heading, self.mount.angles
 

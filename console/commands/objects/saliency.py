@@ -43,10 +43,10 @@ def saliency(
             for name in goals.unsupplied:
                 call.out.note(f"there is no box for {name}", style="yellow")
         elif format_ == "geojson":
-            call.out.plain(json.dumps(geojson(picture), indent=2))
+            call.out.plain(f"{json.dumps(geojson(picture), indent=2)}\n")
         elif format_ == "json" or call.out.json_lines:
             for each in picture.persons:
-                call.out.plain(json.dumps(each.as_json()))
+                call.out.plain(f"{json.dumps(each.as_json())}\n")
         elif picture.persons:
             _table(call, picture, client.federation_us())
         else:

@@ -82,6 +82,25 @@ class JoinMission(parts.Content):
     chain: Chain = ()
 
 
+class KeepMission(parts.Content):
+    """The rest of a mission that your vehicle takes part in: lead it, should the sender be gone.
+
+    Attributes:
+        delegator: whose mission it is, as the task `conversation`.
+        problem: with the state that the sender holds for true.
+        domain: empty: as before.
+    """
+
+    mission: parts.Conversation
+    delegator: parts.Unit
+    conversation: parts.Conversation
+    problem: DomainText
+    domain: DomainText = ""
+    platforms: _UnitNames
+    chain: Chain = ()
+    timeout_s: parts.Period = 10.0
+
+
 class CommandEntry(parts.ContentPart):
     """One command to a vehicle: degrees, metres above home, seconds."""
 

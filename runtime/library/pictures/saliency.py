@@ -76,7 +76,7 @@ def saliency_map(client: Client, unit: str | None = None) -> Job[SaliencyPicture
     for by, said in found:
         members.update(said.members or ())
         refused |= dict.fromkeys(f"{each} (by {by})" for each in said.refused)
-        rows += [_person(row) for row in said.rows or ()]
+        rows += [person_of(row) for row in said.rows or ()]
     persons = sorted(_once(rows), key=lambda each: each.name)
     return SaliencyPicture(tuple(persons), tuple(sorted(members)), tuple(refused))
 
@@ -92,7 +92,8 @@ def _once(rows: Iterable[FoundPerson]) -> list[FoundPerson]:
     return taken
 
 
-def _person(row: SaliencyRow) -> FoundPerson:
+def person_of(row: SaliencyRow) -> FoundPerson:
+    """A row of the map."""
     found: Mapping[str, Any] = row.attributes
     numbers = {name: float(value) for name, value in found.items() if isinstance(value, int | float)}
 

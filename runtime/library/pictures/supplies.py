@@ -9,6 +9,8 @@ from runtime.library.pictures.saliency import FoundPerson
 
 STANDOFF_M: Final = 3.0
 """A box is put down so far to the south of a person."""
+WEIGHT: Final = 1000
+"""Of each goal: one that cannot be reached, as its box hangs on a UAV that is gone, is left aside, and the others are reached."""
 _OBJECTS = re.compile(r"#objects\s+box\s*=\s*([A-Za-z_-]+)(\d+)\s*\.\.\s*\1(\d+)")
 _PLACES = re.compile(r"xpos\((\w+)\) := ([-\d.]+), ypos\(\1\) := ([-\d.]+)")
 MOST_BOXES: Final = 200
@@ -49,7 +51,7 @@ def supply_goals(persons: Sequence[FoundPerson], problem: str) -> SupplyGoals:
     ]
     stays = {box: match.groups() for match in _PLACES.finditer(problem) if (box := match[1]) in boxes[len(pairs) :]}
     lines += [f"#init goal-x({box}) := {x}, goal-y({box}) := {y}" for box, (_, x, y) in stays.items()]
-    lines += [f"#goal brought-{box}: delivered({box})" for box, _ in pairs]
+    lines += [f"#goal brought-{box}: delivered({box}) :weight {WEIGHT}" for box, _ in pairs]
     given = {each.name: box for box, each in pairs}
     text = f"// Supplies for persons of the saliency map.\n{chr(10).join(lines)}\n"
     return SupplyGoals(text, given, tuple(each.name for each in ordered[len(pairs) :]))

@@ -1,15 +1,19 @@
 """A wanted object that may be one of several: the vehicle looks again from elsewhere until it is decided, and says what it does."""
 
+from math import hypot
+
 import pytest
 
 from agents.anchors.looking_again import MOST_RECOVERIES
 from agents.anchors.recovering import RecoveringAnchors
-from federation.messages.contents import AnswerQuestion, ControlMission, FlyMission
+from agents.attention.following import Following
+from federation.messages.contents import AnswerQuestion, ControlMission, FlyMission, Follow, WantObject
 from navigation.vehicle import HoldOrder
 from sim_uavs.dynamics.faults import parse_fault
-from tests.agents.anchors.field import Field, Standing
+from tests.agents.anchors.field import MARKED, Field, Standing
 from tests.agents.attention.chase import said
 from tests.agents.missions.flown import DOMAIN, ONE
+from tests.agents.rosters import trust
 
 TWO = {"a": Standing(20.0, 10.0), "b": Standing(-15.0, 12.0, mark_deg=270.0)}
 """Two red cars; the mark of the western one is seen from its west."""
@@ -85,6 +89,17 @@ def test_a_description_that_is_none_of_properties_is_refused(description: str, r
     ((performative, text),) = said(started({}).want(description))
     assert performative == "refuse"
     assert reason in text
+
+
+def test_with_a_roster_only_a_command_centre_has_the_vehicle_look_again() -> None:
+    field = started(TWO, trust=trust)
+    field.world.add_command_centre("1", trust=trust("1"))
+    field.pass_time(1.0)
+    content = WantObject(symbol="suspect", type="cars", description=MARKED, recover="yes")
+    other = field.world.ask("1", "0", content)
+    field.pass_time(1.0)
+    assert said(other) == [("refuse", "recover flies the vehicle, which only a command centre may ask for")]
+    assert said(field.want())[0] == ("agree", "")
 
 
 def test_without_control_it_is_refused() -> None:
@@ -171,6 +186,30 @@ def test_one_that_is_seen_again_beside_another_is_looked_at_again() -> None:
     field.pass_time(3.0)
     ((symbol, _),) = [pair for pair in field.marked() if pair[0] == "suspect"]
     assert symbol == "suspect"
+
+
+@pytest.mark.full
+def test_what_was_followed_is_followed_again_where_it_is_then() -> None:
+    field = started({"b": Standing(5.0, 28.0, mark_deg=180.0)})
+    asked = field.want()
+    field.until(asked, "anchored")
+    following = field.world.ask("cc", "0", Follow(object="suspect", standoff_m=10.0))
+    field.pass_time(6.0)
+    field.hidden = {"b", "c"}
+    field.things["c"] = Standing(12.0, 30.0)
+    field.pass_time(3.0)
+    field.things["b"] = Standing(9.0, 33.0, mark_deg=0.0)
+    field.hidden.clear()
+    field.until(asked, "it was looked at again")
+    field.until(following, "suspect is followed again")
+    field.pass_time(12.0)
+    assert [text for _, text in said(following) if "followed" in text] == [
+        "suspect is not followed meanwhile: it is open which object suspect is",
+        "suspect is followed again",
+    ]
+    assert field.platform.part(Following).symbol == "suspect"
+    east_m, north_m = field.at_m
+    assert hypot(east_m - field.start_m[0] - 9.0, north_m - field.start_m[1] - 33.0) < 16.0
 
 
 @pytest.mark.full

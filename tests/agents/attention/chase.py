@@ -1,6 +1,6 @@
 """A simulated UAV in flight with a camera, and one car that drives east, seen as percepts that are fed, or not seen."""
 
-from collections.abc import Sequence
+from collections.abc import Callable, Sequence
 from dataclasses import replace
 from typing import Any
 
@@ -12,6 +12,7 @@ from agents.platform import Platform
 from dyknow import Label, Policy, Sample
 from federation.messages.contents import Content, Done, Progress, Reason
 from federation.messages.dialogue import Dialogue
+from federation.security.trust import Trust
 from navigation.cameras.pinhole import Intrinsics
 from navigation.cameras.rig import CameraRig
 from navigation.geodesy import LocalFrame
@@ -53,16 +54,18 @@ class Chased(SimulatedVehicle):
 class Chase:
     """Platform 0 with its vehicle over the origin, and the command centre `cc`."""
 
-    def __init__(self, specification: str = LINKS, **config: Any) -> None:
+    def __init__(
+        self, specification: str = LINKS, *, trust: Callable[[str], Trust | None] = lambda _unit: None, **config: Any
+    ) -> None:
         unit = scenario("hover", 1, 1).units[0]
         self.vehicle = Chased(replace(unit.vehicle(1, airborne=True), has_mount=True), START_US)
         home = FRAME.to_ned(*unit.home)
         self.start_m = home[1], home[0]
         rig = CameraRig({"colour": Intrinsics.of_view(640, 512, 1.0)}, FRAME)
         self.world = World(1, truth_us=None)
-        given = {"control": True, "cameras": rig, "simulated": True, **config}
+        given = {"control": True, "cameras": rig, "simulated": True, "trust": trust("0"), **config}
         self.world.add("0", PlatformConfig("0", 1, **given), self.vehicle)
-        self.world.add_command_centre("cc")
+        self.world.add_command_centre("cc", trust=trust("cc"))
         self.world.run_for(1.0)
         self.happens(Specify(self.world.now_us, specification, "cars.kpl"))
         self.world.run_for(1.0)

@@ -1,6 +1,6 @@
 """Platforms of the scenario `emergency` in the world in a box: they hover over the field, and see who lies there."""
 
-from collections.abc import Sequence
+from collections.abc import Callable, Sequence
 from dataclasses import replace
 from typing import Any
 
@@ -13,6 +13,7 @@ from agents.saliency.saliency import Saliency
 from anchoring.saliency.map import SalientPlace
 from federation.messages.contents import DivideArea
 from federation.messages.dialogue import Dialogue
+from federation.security.trust import Trust
 from navigation.geodesy import LocalFrame, distance_m
 from navigation.vehicle import Command, Order, Report
 from sim_uavs.boxes.shared import HandlingList
@@ -64,6 +65,7 @@ class Rescue:
         *,
         over: Sequence[tuple[float, float]] = (),
         image_us: int = 100_000,
+        trust: Callable[[str], Trust | None] = lambda _unit: None,
         **config: Any,
     ) -> None:
         situation = scenario("emergency", count, seed)
@@ -83,9 +85,16 @@ class Rescue:
             vehicle.carry(hoist_of(situation, unit, seed, self.boxes))
             self.vehicles.append(vehicle)
             limits = FlightLimits(2.0, 120.0, 1000.0)
-            given = {"control": True, "simulated": True, "cameras": rig, "limits": limits, **config}
+            given = {
+                "control": True,
+                "simulated": True,
+                "cameras": rig,
+                "limits": limits,
+                "trust": trust(str(unit.number)),
+                **config,
+            }
             self.world.add(str(unit.number), PlatformConfig(str(unit.number), 1, **given), vehicle)
-        self.world.add_command_centre("cc")
+        self.world.add_command_centre("cc", trust=trust("cc"))
 
     def _above(self, unit: Unit, place: tuple[float, float]) -> Unit:
         latitude_deg, longitude_deg, _ = self.frame.from_ned(place[1], place[0], 0.0)

@@ -120,6 +120,7 @@ TEXTS = [
     '(permit-mission mission: m1 leaders: (sequence "0"))',
     "(join-mission mission: m1 chain: (sequence cc))",
     '(perform-commands mission: m1 step: 2 action: "fly(uav1)" commands: (sequence (command-entry name: goto numbers: (sequence 58.1 15.1 7.0))))',
+    '(keep-mission mission: m1 delegator: cc conversation: cc-1 problem: "#goal" platforms: (record uav1: "0") chain: (sequence cc))',
     "(performed step: 2 failure: refused)",
     '(vehicle-news waits: "its pilot has it")',
     "(mission-query)",
