@@ -126,7 +126,6 @@ def test_the_mission_of_a_leader_that_is_killed_is_led_by_the_other() -> None:
             break
     notes = delivery.notes("1")
     assert "mission boxes: leads: platform 1: its leader, platform 0, is gone" in notes, notes
-    (left,) = [each for each in notes if "unreached: the plan does not reach brought-" in each]
-    name = left.rpartition(" ")[2]
+    name = next(each for each in notes if "unreached: the plan does not reach brought-" in each).rpartition(" ")[2]
     assert notes[-1] == f"mission boxes: partly reached: the plan is done; not reached: {name}", notes
     assert delivery.brought == 4
