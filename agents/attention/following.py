@@ -7,6 +7,7 @@ as floor, ceiling, range and fence allow. While the object is not seen it is fol
 
 from collections.abc import Callable, Iterable
 from dataclasses import dataclass, field
+from difflib import get_close_matches
 from math import hypot
 
 from agents.actions import Offer
@@ -37,6 +38,8 @@ MOVED_M = 3.0
 SPEED_M_S = 12.0
 AGAIN_US = 3_000_000
 """After a pause the object may be unknown for so long: it has just been given its symbol again."""
+_NAMES = 8
+"""How many are told, the nearest, where there is no object of the one that was given."""
 _NEARER = (1.0, 0.75, 0.5, 0.25)
 """Shares of the way that are tried where the whole way is forbidden."""
 
@@ -137,13 +140,12 @@ class Following(Part):
         self._show(f"follows {symbol}", now_us)
 
     def _find(self, symbol: str, federation_us: int) -> WatchedObject:
-        objects = [each for each in self._read(symbol, federation_us) if each.interest not in {"new", "wanted"}]
-        for each in objects:
+        for each in self._read(symbol, federation_us):
             if each.interest == "followed" and expected(each.places) is not None:
                 return each
-        known = [each.symbol for each in objects]
-        remedy = did_you_mean(symbol, known[:64]) or " No object is known here; see dyknow objects."
-        raise Refused(f"no object is called {symbol!r} here.{remedy}", "unknown-object")
+        known = get_close_matches(symbol, self._attention.seen.names(), _NAMES, cutoff=0.0)
+        remedy = did_you_mean(symbol, known) or " No object is known here."
+        raise Refused(f"no object is called {symbol!r} here.{remedy} dyknow objects lists them.", "unknown-object")
 
     def _read(self, symbol: str, federation_us: int) -> list[WatchedObject]:
         return self._attention.seen.read(federation_us, (symbol,))

@@ -57,6 +57,13 @@ class SeenObjects:
                     found.setdefault(each.symbol, each)
         return list(found.values())
 
+    def names(self) -> list[str]:
+        """The symbols of all objects, of every level; percepts are none, nor is what is wanted and was not found."""
+        found = {symbol for table in self._tables() for symbol, _ in table.read()}
+        for links in self._links():
+            found |= {symbol for one in links.specifications for symbol in links.linkage.objects(one.target)}
+        return sorted(found - {symbol for links in self._links() for symbol in links.linkage.wanted})
+
     def _tables(self) -> list[ObjectTable]:
         tables = self._instance.parts.objects.tables()
         return [each for each in tables if {field.name for field in each.sort.fields}.issuperset(_FIELDS)]

@@ -60,12 +60,13 @@ class LinkEvent(NamedTuple):
 
 
 class LastSeen(NamedTuple):
-    """How an object was known at one time."""
+    """How an object was known at one time, and the objects above it, each by the link that leads to it."""
 
     observed: tuple[ObjectState, ...]
     state: ObjectState
     prediction: ObjectPrediction | None
     anchored_us: int
+    above: "tuple[tuple[ObjectLink, LastSeen], ...]" = ()
 
 
 @dataclass(slots=True, eq=False)
@@ -105,13 +106,26 @@ class LinkObject:
     @property
     def last_seen(self) -> LastSeen:
         """How it is known now."""
-        return LastSeen(tuple(self.observed), self.state, self.prediction, self.anchored_us)
+        above = tuple((link, link.target.last_seen) for link in self.outgoing.values())
+        return LastSeen(tuple(self.observed), self.state, self.prediction, self.anchored_us, above)
 
     def go_back(self, to: LastSeen) -> None:
-        """What was seen since then was another."""
+        """What was seen since then was another; that holds for what is above it, too, unless another link shows it."""
         self.observed.clear()
         self.observed.extend(to.observed)
         self.state, self.prediction, self.anchored_us = to.state, to.prediction, to.anchored_us
+        for link, seen in to.above:
+            if self.outgoing.get(link.process.name) is link and len(link.target.incoming) == 1:
+                link.target.go_back(seen)
+
+    def as_known(self, before: LastSeen) -> "LinkObject":
+        """The object as it was known, apart from all others; those above it predict it."""
+        known = LinkObject(self.symbol, self.type, self.created_us, before.state, individual=self.individual)
+        known.go_back(before)
+        for link, seen in before.above:
+            above = link.target.as_known(seen)
+            known.outgoing[link.process.name] = ObjectLink(link.process, known, above, link.since_us)
+        return known
 
     def expect(self, prediction: ObjectPrediction) -> None:
         """Take a state that was predicted."""

@@ -265,7 +265,7 @@ class LinkProcess:
         self, open_links: Mapping[str, OpenLink], targets: Iterable[str]
     ) -> dict[str, tuple[LinkObject, LastSeen]]:
         """Objects of B, and how they are known without what is linked at this tick, or may be."""
-        found = {name: (each.link.target, each.expected.last_seen) for name, each in open_links.items()}
+        found = {name: (each.link.target, each.before) for name, each in open_links.items()}
         free = {name: self.available[name][0] for name in targets if name not in found}
         return found | {name: (one, one.last_seen) for name, one in free.items()}
 

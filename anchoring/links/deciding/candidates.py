@@ -48,11 +48,12 @@ class OpenLink(NamedTuple):
     """A link whose object another percept may claim.
 
     Attributes:
-        expected: the object as if it had not been linked.
+        expected: the object as if it had not been linked, which is how it was known `before`.
         costs: of each candidate, by symbol.
     """
 
     link: ObjectLink
+    before: LastSeen
     expected: LinkObject
     costs: Mapping[str, float]
 
@@ -104,9 +105,7 @@ class LinkCandidates:
         if self.chosen not in costs or len(costs) < 2:
             return None
         one, before = self._candidates[self.chosen].target, self._candidates[self.chosen].before
-        expected = LinkObject(one.symbol, one.type, one.created_us, one.state, individual=one.individual)
-        expected.go_back(before)
-        return OpenLink(one.incoming[process], expected, costs)
+        return OpenLink(one.incoming[process], before, one.as_known(before), costs)
 
     def others(self) -> tuple[str, ...]:
         """The symbols of those that are not linked."""

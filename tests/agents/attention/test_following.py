@@ -13,7 +13,7 @@ from federation.messages.contents import Follow, Goto
 from federation.messages.dialogue import Dialogue
 from navigation.vehicle import HoldOrder
 from sim_uavs.dynamics.faults import parse_fault
-from tests.agents.attention.chase import FED, Chase, said
+from tests.agents.attention.chase import FED, LINKS, Chase, said
 
 TAKEN = ("inform", "follows co1: acknowledged, and seen in the vehicle's target")
 
@@ -94,7 +94,7 @@ def test_forgotten_it_is_a_failure_at_once_and_the_vehicle_holds() -> None:
 
 @pytest.mark.parametrize(
     ("symbol", "because"),
-    [("co11", "Did you mean 'co1'?"), ("vp1", "Known: co1."), ("car\u00e9", "no object is called")],
+    [("co11", "Did you mean 'co1'?"), ("vp1", "Known: co1"), ("car\u00e9", "no object is called")],
 )
 def test_what_is_not_known_is_refused_with_what_is(symbol: str, because: str) -> None:
     chase = Chase()
@@ -103,6 +103,16 @@ def test_what_is_not_known_is_refused_with_what_is(symbol: str, because: str) ->
     assert performative == "refuse"
     assert because in text
     assert chase.vehicle.commands == []
+
+
+def test_names_of_every_level_are_near_ones() -> None:
+    chase = Chase(f"{LINKS}strmgen vehicles = link(cars, SameState, true, xy_dist[from, to] < thresh, true)\n")
+    chase.drive(2.0)
+    for symbol, near in (("co9", "co1"), ("vehicle9", "vo1")):
+        ((performative, text),) = said(follow(chase, symbol, seconds=1.0))
+        assert performative == "refuse"
+        assert near in text
+        assert text.endswith("dyknow objects lists them.")
 
 
 def test_one_object_at_a_time() -> None:

@@ -9,10 +9,13 @@ from anchoring.links.objects import LinkEvent
 from anchoring.links.specification import LinkSpecification, likelihoods, unlikelihood
 from anchoring.links.states import ObjectState, diagonal
 from anchoring.links.structures import ObjectLinkage, Percept
-from anchoring.ready import NEAR, NEW, VISION, WORLD
+from anchoring.ready import NEAR, NEW, VISION, WORLD, ready_specification
+from anchoring.roads.files.geojson import read_roads
+from anchoring.roads.network import RoadNetwork
 from kpl import parse_formula
 from kpl.introspection.link_reasons import because
 from reasoning.formulas.tree import Formula
+from tests.anchoring.roads import towns
 
 SEEDS = range(100 if os.environ.get("DYKNOW_FULL") else 12)
 
@@ -20,10 +23,19 @@ SEEDS = range(100 if os.environ.get("DYKNOW_FULL") else 12)
 class Crossing:
     """Two cars that cross each other's way unseen; one of them comes into view again some seconds after the other."""
 
-    def __init__(self, seed: int, candidates: int, maintain: Formula | None = None, *, apart_s: float = 2.0) -> None:
+    def __init__(
+        self,
+        seed: int,
+        candidates: int,
+        maintain: Formula | None = None,
+        *,
+        apart_s: float = 2.0,
+        roads: RoadNetwork | None = None,
+    ) -> None:
         more = {} if maintain is None else {"maintain": maintain}
+        _, *above = ready_specification(roads)
         link = LinkSpecification(VISION, WORLD, NEW, NEAR, score=unlikelihood, candidates=candidates, **more)
-        self.linkage, self._rng, self._apart_s = ObjectLinkage([link]), random.Random(seed), apart_s
+        self.linkage, self._rng, self._apart_s = ObjectLinkage([link, *above]), random.Random(seed), apart_s
         self.events: list[LinkEvent] = []
         late = self._rng.choice("AB")
         self.owners: dict[str, str] = {}
@@ -47,6 +59,10 @@ class Crossing:
                 assert 0.0 < link.weight <= 1.0
                 if at_s < 4.0:
                     self.owners[one.symbol] = link.source.symbol[0]
+            for link in one.outgoing.values():
+                times_us = {each.valid_us for each in one.observed}
+                later = {each.valid_us for each in link.target.observed if each.valid_us >= min(times_us)}
+                assert later <= times_us, "what is above it was seen when it was itself"
 
     @property
     def is_right(self) -> bool:
@@ -82,6 +98,11 @@ def test_what_is_held_without_certainty_is_left_to_a_percept_that_can_be_nothing
     last = {each.source: each.target for each in events if each.kind == "reestablished"}
     assert last == {"r": "wo1", "s": "wo2"}
     assert ("unlinked", "r", "wo2") in [(each.kind, each.source, each.target) for each in events]
+
+
+def test_what_is_above_an_object_is_taken_back_with_it() -> None:
+    crossings = [Crossing(seed, 2, roads=read_roads(towns.cross())) for seed in range(6)]
+    assert sum(each.reason.cause == "weighed" for one in crossings for each in one.events) >= 4
 
 
 def test_a_change_is_told_with_its_weight_and_what_was_seen_of_the_other_is_taken_back() -> None:
