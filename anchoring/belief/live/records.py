@@ -1,6 +1,6 @@
 """Beliefs as records of a sort, field by field: what the sort has no field for is left out, what is not believed has no value.
 
-symbol, existence, status, type, types, x_m, y_m, vx_m_s, vy_m_s, sd_m, seen_by, known, end,
+symbol, existence, status, type, types, x_m, y_m, vx_m_s, vy_m_s, sd_m, v_sd_m_s, seen_by, known, end,
 p_T: the probability of the type T, and the attributes of the model
 """
 
@@ -8,6 +8,7 @@ from collections.abc import Mapping
 from math import sqrt
 from typing import Final
 
+from anchoring.belief.arrays import Floats
 from anchoring.belief.description import POSITION
 from anchoring.belief.live.watch import ReportedBelief
 from anchoring.percepts.records import GEOGRAPHIC
@@ -22,7 +23,8 @@ BELIEF_SORT: Final = Sort(
     (
         Field(SYMBOL, "text"), Field("existence", "fraction"), Field("status", "text"), Field("type", "text"),
         Field("types", "text"), Field("x_m", "m"), Field("y_m", "m"), Field("vx_m_s", "m/s"), Field("vy_m_s", "m/s"),
-        Field("sd_m", "m"), Field("colour", "text"), Field("seen_by", "text"), Field("known", "text"), Field(END, "bool"),
+        Field("sd_m", "m"), Field("v_sd_m_s", "m/s"), Field("colour", "text"), Field("seen_by", "text"),
+        Field("known", "text"), Field(END, "bool"),
     ),
 )  # fmt: skip
 """What beliefs are unless a sort is declared; that of the semantic label `believed-objects`."""
@@ -64,12 +66,17 @@ class BeliefRecords:
                 found[name] = float(mean[0])
                 continue
             x_m, y_m = mean[:2].tolist()
-            found |= {"x_m": x_m, "y_m": y_m, "sd_m": sqrt((covariance[0, 0] + covariance[1, 1]) / 2.0)}
+            found |= {"x_m": x_m, "y_m": y_m, "sd_m": _deviation(covariance, 0)}
             if len(mean) >= 4:
-                found |= {"vx_m_s": float(mean[2]), "vy_m_s": float(mean[3])}
+                found |= {"vx_m_s": float(mean[2]), "vy_m_s": float(mean[3]), "v_sd_m_s": _deviation(covariance, 2)}
             if self._frame is not None:
                 found |= zip(GEOGRAPHIC, self._frame.from_ned(y_m, x_m, 0.0)[:2], strict=True)
         return found
+
+
+def _deviation(covariance: Floats, first: int) -> float:
+    """The standard deviation on each of two axes, in the mean."""
+    return sqrt((covariance[first, first] + covariance[first + 1, first + 1]) / 2.0)
 
 
 def quality_of(reported: ReportedBelief) -> Quality:

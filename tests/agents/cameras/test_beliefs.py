@@ -9,6 +9,7 @@ import pytest
 from agents.effects import Specify
 from agents.specification.object_queries import ObjectQueries
 from dyknow import Label
+from dyknow.policies.ahead import moved_on
 from kpl.linking.beliefs import BeliefStream
 from tests.agents.cameras.watching import Watching
 
@@ -64,6 +65,17 @@ def test_each_car_in_view_is_one_confirmed_instance_seen_by_the_platform(plain: 
                 of_car[near.name].add(record["symbol"])
     assert len(of_car) >= 3
     assert all(len(symbols) == 1 for symbols in of_car.values())
+
+
+def test_a_belief_that_is_predicted_is_as_much_vaguer_as_its_velocity_is_uncertain(plain: Watching) -> None:
+    sort = plain.platform.ports.network.generator("beliefs").sort
+    sample = next(each for each in reversed(plain.samples["beliefs"]) if not sort.as_record(each.value)["end"])
+    predicted = moved_on(sample, sort, 5_000_000)
+    assert predicted is not None
+    now, then = sort.as_record(sample.value), sort.as_record(predicted.value)
+    assert then["x_m"] == pytest.approx(now["x_m"] + 5.0 * now["vx_m_s"])
+    assert now["v_sd_m_s"] > 0.1
+    assert then["sd_m"] == pytest.approx(hypot(now["sd_m"], 5.0 * now["v_sd_m_s"]))
 
 
 def test_what_happened_to_instances_is_told_with_their_existence(plain: Watching) -> None:
