@@ -1,15 +1,13 @@
 """One platform, one process: edges post into the mailbox, one thread steps the platform and performs its effects.
 
-What the process says goes to standard output as JSON lines: `joined`, `directory` (the peers it has found), `note`, `ended`.
+What the process says is records (`runtime.records`): `joined`, `directory` (the peers it has found), `note`, `ended`.
 """
 
 import contextlib
 import os
-import signal
-import stat
 import sys
 import threading
-from collections.abc import Callable, Iterable, Sequence
+from collections.abc import Callable, Iterable
 from dataclasses import replace
 from pathlib import Path
 from queue import Empty
@@ -35,7 +33,7 @@ from agents.effects import (
 from agents.flight.flight import FlightAgent
 from agents.monitoring.monitor_plans import PlanBook
 from agents.platform import Platform
-from dyknow.model.errors import DecodeError, DyknowError, EndpointFailed, RosterError, UnitError, WrongCall
+from dyknow.model.errors import DecodeError, DyknowError, EndpointFailed, RosterError
 from federation.members.clock import FederationClock
 from federation.messages import contents
 from federation.messages.codec import decode_description
@@ -56,7 +54,7 @@ from runtime.learnt.files import keep
 from runtime.loop import Pressure, SteppedNode, leave_alone_what_is_loaded, step
 from runtime.mailbox import Mailbox
 from runtime.metrics import PlatformMetrics, metrics_of
-from runtime.records import NoteLimit, Records
+from runtime.records import NoteLimit
 from runtime.searches.workers import SearchWorkers
 from runtime.specified import Specified
 from runtime.vehicles import Vehicle, VehiclePorts
@@ -107,6 +105,7 @@ class PlatformProcess:
         self._workers = WorkerThreads(self.mailbox.post, self.clock.now_us, self._note)
         self._searches = SearchWorkers(self.mailbox.post, self.clock.now_us)
         self._told: tuple[str, ...] = ()
+        self._impaired: set[str] = set()
         self._weighed_us = 0
         self._pressure = Pressure()
 
@@ -230,7 +229,7 @@ class PlatformProcess:
             if self._door is not None:
                 self._door.open()
         except EndpointFailed as wrong:
-            self._note(str(wrong))
+            self._warn(str(wrong))
 
     def _specification(self) -> Specified | None:
         """What the platform is to run; its times are those of the clock as it is now."""
@@ -324,17 +323,22 @@ class PlatformProcess:
         try:
             self._vehicle.command(effect) if isinstance(effect, Command) else self._vehicle.inject(effect)
         except DyknowError as wrong:
-            self._note(str(wrong))
+            self._warn(str(wrong))
 
     def _tell(self, event: str, **more: Any) -> None:
         self._say({"event": event, "unit": self.config.unit, **more, "at_us": self.clock.now_us()})
 
     def _note(self, text: str) -> None:
         for line in self._notes.lines(text, self.clock.now_us()):
-            self._tell("note", text=line)
+            self._tell("note", text=line, level="error" if text in self._impaired else "info")
+
+    def _warn(self, text: str) -> None:
+        for line in self._notes.lines(text, self.clock.now_us()):
+            self._tell("note", text=line, level="warning")
 
     def impair(self, text: str) -> None:
         """Something of this process failed, not the platform: it is noted and listed by `dyknow ls`; from any thread."""
+        self._impaired.add(text)
         self.mailbox.post(Impaired(self.clock.now_us(), text))
 
     def _tell_waiting(self) -> None:
@@ -355,66 +359,3 @@ class PlatformProcess:
 def _flights(platform: Platform) -> list[FlightAgent]:
     """The part that flies, if there is a vehicle."""
     return [part for part in platform.parts if isinstance(part, FlightAgent)]
-
-
-def serve(
-    configs: Sequence[NodeConfig], make_vehicle: Callable[[VehiclePorts], Vehicle], records: Path | None = None
-) -> int:
-    """Run platforms until a signal, their duration, or the end of the process that started them; the exit code.
-
-    Each has its own mailbox and thread. One that fails ends the others: their supervisor sees it. What
-    happens goes to the file `records`, or to standard output.
-    """
-
-    def on_failed(why: str) -> None:
-        for process in processes:
-            process.impair(why)
-
-    say = Records(records, on_failed)
-    try:
-        processes = [PlatformProcess(config, make_vehicle, say) for config in configs]
-    except DyknowError as wrong:
-        return _failed(configs[0].unit, wrong)
-
-    def stop() -> None:
-        for process in processes:
-            process.stop()
-
-    for number in (signal.SIGINT, signal.SIGTERM):
-        signal.signal(number, lambda _number, _frame: stop())
-    if stat.S_ISFIFO(os.fstat(0).st_mode):
-        threading.Thread(target=_lifeline, args=(stop,), daemon=True).start()
-    codes: list[int] = []
-
-    def run(process: PlatformProcess) -> None:
-        code = FAILED
-        try:
-            code = process.run()
-        except DyknowError as wrong:
-            code = _failed(process.config.unit, wrong)
-        finally:
-            codes.append(code)
-            if code:
-                stop()
-
-    threads = [threading.Thread(target=run, args=(process,), name=process.config.unit) for process in processes[1:]]
-    for thread in threads:
-        thread.start()
-    run(processes[0])
-    for thread in threads:
-        thread.join()
-    return max(codes)
-
-
-def _failed(unit: str, wrong: DyknowError) -> int:
-    """Write what went wrong with a platform; the exit code."""
-    with contextlib.suppress(OSError):
-        sys.stderr.write(f"platform {unit}: {wrong}\n")
-    return WRONG if isinstance(wrong, UnitError | WrongCall) else FAILED
-
-
-def _lifeline(stop: Callable[[], None]) -> None:
-    """Standard input ends when the process that started us does."""
-    while os.read(0, 4096):
-        pass
-    stop()

@@ -1,5 +1,7 @@
 """What a platform process says: JSON lines on standard output, or in a file that is bounded. It ends no platform.
 
+Each line is one event, and has a level.
+
 A full disk, a closed terminal or a reader that has gone cost records, which are counted and reported once.
 """
 
@@ -8,8 +10,12 @@ import os
 import threading
 from collections.abc import Callable, Mapping
 from pathlib import Path
-from typing import Any
+from typing import Any, Final
 
+LEVELS: Final = ("debug", "info", "warning", "error")
+_LEVEL_OF: Final[Mapping[str, str]] = {
+    "directory": "debug", "not-specified": "warning", "alarm-opened": "warning", "lost": "warning", "halted": "error",
+}  # fmt: skip
 PART_BYTES = 4_000_000
 """How large the file becomes before it is renamed, with `.1` after its name, and begun again: twice that is kept."""
 AGAIN_US = 10_000_000
@@ -18,6 +24,17 @@ NOTES = 64
 """Notes that are compared, and how many of different texts there may be at once."""
 REFILL_US = 500_000
 """How soon there may be one more."""
+
+
+def level_of(record: Mapping[str, Any]) -> str:
+    """How much a record matters: its own level, else that of its event."""
+    own = record.get("level")
+    return str(own) if own in LEVELS else _LEVEL_OF.get(str(record.get("event")), "info")
+
+
+def is_at_least(record: Mapping[str, Any], level: str) -> bool:
+    """Whether it matters so much, or more."""
+    return LEVELS.index(level_of(record)) >= LEVELS.index(level)
 
 
 class Records:
@@ -44,9 +61,13 @@ class Records:
 
     def _write(self, record: Mapping[str, Any]) -> str | None:
         """Write a line, whole or counted as lost; returns why it was lost."""
-        line = json.dumps(record).encode() + b"\n"
+        line = json.dumps({**record, "level": level_of(record)}).encode() + b"\n"
         if self.lost:
-            told = {"event": "note", "text": f"{self.lost} records before this one could not be written"}
+            told = {
+                "event": "note",
+                "level": "error",
+                "text": f"{self.lost} records before this one could not be written",
+            }
             line = json.dumps(told).encode() + b"\n" + line
         if self._is_torn:
             line = b"\n" + line

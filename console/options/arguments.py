@@ -42,6 +42,10 @@ Admit: TypeAlias = Annotated[
     Literal["refuse", "longer"],
     typer.Option(help="What happens to declarations that there is no time for: refused, or served less often."),
 ]
+LogLevel: TypeAlias = Annotated[
+    Literal["debug", "info", "warning", "error"],
+    typer.Option(help="From which level on what happens is shown."),
+]
 Metrics: TypeAlias = Annotated[
     int | None,
     typer.Option(

@@ -112,6 +112,8 @@ class Settings(Strict):
     avoidance: bool | None = None
     speed: float | None = Field(default=None, gt=0, le=1000)
     timeout: str | None = None
+    log_level: Literal["debug", "info", "warning", "error"] | None = None
+    """From which level on `join` shows what happens."""
     journal: Path | None = None
     """Directory in which each platform records what reaches it, as `<unit>.mcap`, again with every start."""
     clock: ClockFile = ClockFile()

@@ -1,15 +1,24 @@
 """What a federation answers, as a program reads it. Instants are microseconds of federation time."""
 
 from collections.abc import Mapping, Sequence
+from datetime import timedelta
+from html import escape
 from types import MappingProxyType
-from typing import Any, Literal, NamedTuple, overload
+from typing import TYPE_CHECKING, Any, Literal, NamedTuple, overload
 
 from dyknow import SURE, Predicted, Quality
+from dyknow.model.errors import UnitError
+from dyknow.model.instants import EPOCH
 from dyknow.model.values import NoValue
 from federation.messages.codec import StreamSample
 from federation.messages.contents import Reading
 from navigation.geodesy import metres_per_degree
 
+if TYPE_CHECKING:
+    from pandas import DataFrame
+
+MOST_ROWS, LONGEST_CELL = 50, 200
+"""What a notebook shows of an answer."""
 _DEGREES = {"latitude_deg": (0, "north"), "longitude_deg": (1, "east")}
 _SQUARES = {"_m_s2": "m2_s4", "_m_s": "m2_s2", "_m": "m2", "_deg": "deg2", "_rad": "rad2", "_s": "s2"}
 
@@ -84,8 +93,49 @@ class QueryResult(Sequence[UnitSample]):
     def __len__(self) -> int:
         return len(self._samples)
 
+    def frame(self) -> "DataFrame":
+        """A pandas DataFrame: a row a sample, by valid time (UTC), with `unit`, `label`, the fields of the value and `certainty`.
+
+        Raises:
+            UnitError: pandas is not installed.
+        """
+        try:
+            import pandas as pd
+        except ImportError:
+            raise UnitError(
+                "a DataFrame needs pandas, which is not installed; install the extra: pip install 'dyknow-federation[frames]'"
+            ) from None
+        rows = [
+            {"unit": each.unit, "label": each.label, **each.value, "certainty": each.quality.certainty} for each in self
+        ]
+        times = pd.to_datetime([each.valid_us for each in self], unit="us", utc=True)
+        return pd.DataFrame(rows, index=pd.Index(times, name="valid"))
+
+    def _repr_html_(self) -> str:
+        """A table for notebooks; whatever platforms send is text in it."""
+        shown = self._samples[:MOST_ROWS]
+        fields = list(dict.fromkeys(name for each in shown for name in each.value))
+        head = "".join(f"<th>{escape(name)}</th>" for name in ("unit", "label", "valid", *fields))
+        lines = [
+            (each.unit, each.label, _instant(each.valid_us), *(each.value.get(name, "") for name in fields))
+            for each in shown
+        ]
+        rows = ["".join(f"<td>{escape(str(cell)[:LONGEST_CELL])}</td>" for cell in line) for line in lines]
+        notes = [f"{len(self) - len(shown)} more samples"] if len(self) > len(shown) else []
+        notes += [f"platform {unit} is missing: {why}" for unit, why in self.missing.items()]
+        body = "".join(f"<tr>{row}</tr>" for row in rows)
+        said = "".join(f"<p>{escape(note)}</p>" for note in notes)
+        return f"<table><thead><tr>{head}</tr></thead><tbody>{body}</tbody></table>{said}"
+
     def __repr__(self) -> str:
         return f"QueryResult({list(self._samples)!r}, missing={self.missing!r})"
+
+
+def _instant(at_us: int) -> str:
+    try:
+        return (EPOCH + timedelta(microseconds=at_us)).isoformat(sep=" ", timespec="milliseconds")
+    except OverflowError:
+        return f"{at_us} us"
 
 
 def variances_in(value: Mapping[str, Any], variance: Mapping[str, Any]) -> dict[str, dict[str, float]]:

@@ -9,6 +9,7 @@ from collections.abc import Callable, Mapping
 from typing import Any, Final
 
 from dyknow.model.errors import EndpointFailed, UnitError
+from proxies.outward.gate import PageDoor, hidden_address
 from runtime.recordings.foxglove import SCENE, schema_of
 from runtime.recordings.recording_file import ALARM, LONGEST_MESSAGE, MONITOR, MOST_CHANNELS, PLATFORM, TASK
 
@@ -17,6 +18,8 @@ MOST_KEPT: Final = 1024
 _BACKLOG: Final = 4096
 """Messages that wait for a client; of one that is slower the oldest are left out."""
 _TIME_US: Final = 100_000
+ORIGINS: Final = ("https://app.foxglove.dev", "https://studio.foxglove.dev", "file://")
+"""Foxglove in a browser, and on the desktop; other pages may not connect."""
 
 
 class LiveServer:
@@ -52,23 +55,32 @@ class LiveServer:
         self._sdk, self._context = foxglove, foxglove.Context()
         foxglove.set_log_level("ERROR")
         listener: Any = _Subscribers(self._catch_up)
+        self._door = PageDoor(host, port, ORIGINS)
         try:
+            inner = hidden_address()
             self._server: Any = foxglove.start_server(
                 name=name,
-                host=host,
-                port=port,
+                host=inner,
+                port=0,
                 capabilities=[Capability.Time],
                 server_listener=listener,
                 context=self._context,
                 message_backlog_size=_BACKLOG,
             )
         except (RuntimeError, ValueError, OSError) as refused:
-            raise EndpointFailed(f"{host}:{port} cannot be served: {refused}; choose another --port.") from None
+            self._door.close()
+            raise EndpointFailed(f"{host}:{port} cannot be served: {refused}.") from None
+        self._door.open(inner, int(self._server.port))
 
     @property
     def port(self) -> int:
         """Where it listens."""
-        return int(self._server.port)
+        return self._door.port
+
+    @property
+    def refused(self) -> int:
+        """Connections that were not let in: of a page that may not, or by another name than that of this machine."""
+        return sum(self._door.refused.values())
 
     def add(self, topic: str, schema: str, message: Mapping[str, Any], at_us: int, _valid_us: int | None = None) -> int:
         """Send a message to the clients of its topic; its bytes, 0 if it is not sent."""
@@ -97,6 +109,7 @@ class LiveServer:
 
     def close(self) -> None:
         """Close the connections of all clients."""
+        self._door.close()
         self._server.stop()
 
     def _channel(self, topic: str, schema: str) -> Any:

@@ -85,7 +85,9 @@ class Step(NamedTuple):
     def claims(self) -> set[str]:
         """What only one command can have at a time: a unit's name, an endpoint."""
         words = self.words
-        if words[1] != "join":
+        if words[1:2] == ["web"]:
+            return {f"{self.host} page"}
+        if words[1:2] != ["join"]:
             return set()
         taken = {f"{a} {b.rpartition(':')[2]}" for a, b in itertools.pairwise(words) if a in {"--unit", "--mavlink"}}
         return {f"{self.host} {each}" for each in taken}

@@ -9,7 +9,7 @@ from typing import Any
 import pytest
 
 from runtime import records
-from runtime.records import AGAIN_US, NOTES, NoteLimit, Records
+from runtime.records import AGAIN_US, LEVELS, NOTES, NoteLimit, Records, is_at_least, level_of
 
 
 def written(path: Path) -> list[dict[str, Any]]:
@@ -36,8 +36,9 @@ def test_what_cannot_be_written_is_reported_once_and_counted(
         monkeypatch.setattr(records.os, "write", write)
         say({"event": "ended"})
     assert failures == [f"records of this platform cannot be written: {os.strerror(number)}"] * 2
-    lost = {"event": "note", "text": "5 records before this one could not be written"}
-    assert written(tmp_path / "0.out") == [{"event": "joined"}, lost, {"event": "ended"}, lost, {"event": "ended"}]
+    lost = {"event": "note", "level": "error", "text": "5 records before this one could not be written"}
+    joined, ended = ({"event": event, "level": "info"} for event in ("joined", "ended"))
+    assert written(tmp_path / "0.out") == [joined, lost, ended, lost, ended]
 
 
 def test_a_line_that_was_torn_by_a_full_disk_spoils_no_other(tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> None:
@@ -53,7 +54,7 @@ def test_a_line_that_was_torn_by_a_full_disk_spoils_no_other(tmp_path: Path, mon
     monkeypatch.setattr(records.os, "write", write)
     say({"event": "whole"})
     torn, lost, whole = (tmp_path / "0.out").read_text().splitlines()
-    assert (torn, json.loads(whole)) == ('{"event', {"event": "whole"})
+    assert (torn, json.loads(whole)) == ('{"event', {"event": "whole", "level": "info"})
     assert json.loads(lost)["text"].startswith("1 records")
 
 
@@ -97,3 +98,21 @@ def test_notes_of_many_texts_are_limited_and_what_is_left_out_is_counted() -> No
         "later",
     ]
     assert len(limit._said_us) <= NOTES
+
+
+@pytest.mark.parametrize(
+    ("record", "level"),
+    [
+        ({"event": "directory"}, "debug"),
+        ({"event": "joined"}, "info"),
+        ({"event": "note", "text": "the port is taken", "level": "warning"}, "warning"),
+        ({"event": "alarm-opened"}, "warning"),
+        ({"event": "alarm-closed"}, "info"),
+        ({"event": "halted"}, "error"),
+        ({"event": "note", "level": "\x1b[2J"}, "info"),
+        ({"event": ["x"]}, "info"),
+    ],
+)
+def test_each_record_has_a_level_and_is_shown_from_that_level_on(record: dict[str, Any], level: str) -> None:
+    assert level_of(record) == level
+    assert [each for each in LEVELS if is_at_least(record, each)] == [*LEVELS[: LEVELS.index(level) + 1]]

@@ -15,7 +15,18 @@ from console.commands.fleet.up import READY_S, FleetStart, tell_notes
 from console.commands.texts.run_output import tell_record
 from console.commands.texts.specification_files import check_specified
 from console.errors import DONE, INTERRUPTED
-from console.options.arguments import Admit, Avoidance, Duration, Feed, Govern, Metrics, Roads, Speed, UnitModules
+from console.options.arguments import (
+    Admit,
+    Avoidance,
+    Duration,
+    Feed,
+    Govern,
+    LogLevel,
+    Metrics,
+    Roads,
+    Speed,
+    UnitModules,
+)
 from console.output.output import unit_json
 from console.output.shown import line, styled
 from console.processes.launch import (
@@ -33,6 +44,7 @@ from runtime.configuration.config import ClockConfig, MavlinkVehicle, NodeConfig
 from runtime.configuration.instants import SHORTEST_US, duration_us, instant_us
 from runtime.configuration.run_directory import JOINED, ProcessState, run_directory, this_process, write_state
 from runtime.configuration.settings import UnitFile
+from runtime.records import is_at_least
 
 _LOOK_S = 0.7
 _POLL_S = 0.1
@@ -107,6 +119,7 @@ def join(
     avoidance: Avoidance = True,
     duration: Duration = None,
     metrics: Metrics = None,
+    log_level: LogLevel = "info",
 ) -> int:
     """One platform on any MAVLink vehicle, on a recorded flight, or on a specification alone."""
     sysids = sysid or []
@@ -139,10 +152,10 @@ def join(
     configs = with_metrics(configs, metrics)
     together(configs)
     fits_in(call, configs)
-    return _run(call, configs)
+    return _run(call, configs, log_level)
 
 
-def _run(call: Call, configs: list[NodeConfig]) -> int:
+def _run(call: Call, configs: list[NodeConfig], log_level: str) -> int:
     """Run the platforms until their duration is over, one fails, or they are interrupted."""
     units, needed = [config.unit for config in configs], configs[0].vehicle.kind == "none"
     named = f"platform{'s' if len(units) > 1 else ''} {', '.join(units)}"
@@ -168,7 +181,7 @@ def _run(call: Call, configs: list[NodeConfig]) -> int:
                 _say_joined(call, config, gathering.labels[config.unit])
             _check_specified(early, needed=needed)
             tell_notes(call, gathering)
-            code = _followed(call, fleet, units, early, needed=needed)
+            code = _followed(call, fleet, units, early, log_level, needed=needed)
         except KeyboardInterrupt:
             return INTERRUPTED
         finally:
@@ -195,7 +208,9 @@ def _say_joined(call: Call, config: NodeConfig, labels: list[str]) -> None:
     )
 
 
-def _followed(call: Call, fleet: Fleet, units: list[str], early: list[dict[str, Any]], *, needed: bool) -> int:
+def _followed(
+    call: Call, fleet: Fleet, units: list[str], early: list[dict[str, Any]], log_level: str, *, needed: bool
+) -> int:
     """Show what the specification brings forth until the platforms end; the exit code."""
     heard = [said for said in early if said.get("event") != "note" or call.out.json_lines]  # as text they are shown
     while True:
@@ -203,7 +218,8 @@ def _followed(call: Call, fleet: Fleet, units: list[str], early: list[dict[str, 
         heard += [said for _, said in fleet.heard()]
         _check_specified(heard, needed=needed)
         for said in heard:
-            tell_record(call, said)
+            if is_at_least(said, log_level):
+                tell_record(call, said)
         heard = []
         if units[0] in ended:
             return ended[units[0]]

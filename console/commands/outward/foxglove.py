@@ -69,5 +69,6 @@ def _served(call: Call, client: Client, at: tuple[str, int], labels: Iterable[st
         units=recorder.units,
         messages=messages,
         lost=server.lost,
+        refused=server.refused,
     )
     return DONE

@@ -102,12 +102,13 @@ def _short(value: Any) -> str:
     return f"{round(value, 7):.12g}" if isinstance(value, float) else json.dumps(value, ensure_ascii=False)
 
 
+_NOTED: Final = {"warning": (styled("warning", "yellow"),), "error": (styled("error", "red"),)}
 _SHOWN: dict[str, Callable[[dict[str, Any]], Shown]] = {
     "sample": _sample,
     "specified": _specified,
     "stream": _stream,
     "producer": _producer,
-    "note": lambda said: line(styled("note", "yellow"), f" {said.get('text')}"),
+    "note": lambda said: line(*_NOTED.get(str(said.get("level")), (styled("note", "yellow"),)), f" {said.get('text')}"),
     "alarm-opened": _alarm,
     "alarm-closed": _alarm,
     "alarm-ended": _alarm,

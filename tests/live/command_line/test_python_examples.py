@@ -49,9 +49,9 @@ def ended(process: "subprocess.Popen[str]") -> list[str]:
     return out.splitlines()
 
 
-def test_there_are_nine_and_none_is_longer_than_twenty_lines() -> None:
+def test_there_are_ten_and_none_is_longer_than_twenty_lines() -> None:
     lengths = {path.name: len(path.read_text().splitlines()) for path in EXAMPLES.glob("*.py")}
-    assert len(lengths) >= 9
+    assert len(lengths) >= 10
     assert not {name: lines for name, lines in lengths.items() if lines > LINES}
 
 
@@ -102,6 +102,14 @@ def test_async_query(fleet: Dyknow) -> None:
     lines = ended(started(fleet, "async_query"))
     assert lines[0] == "2 positions 2 heights"
     assert "north_m_s" in lines[1]
+
+
+def test_a_frame_of_what_was_asked(fleet: Dyknow) -> None:
+    pytest.importorskip("pandas")
+    rows = [line.split() for line in ended(started(fleet, "frame"))]
+    assert rows[0] == ["count", "mean"]
+    assert [row[0] for row in rows[2:]] == ["0", "1"]
+    assert all(10 <= int(count) <= 22 and 55 < float(mean) < 65 for _, count, mean in rows[2:])
 
 
 def test_a_strangers_program(fleet: Dyknow) -> None:

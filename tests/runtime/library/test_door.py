@@ -57,3 +57,20 @@ def test_help_shows_every_name_and_the_version() -> None:
     text = pydoc.plain(pydoc.render_doc(dyknow))
     assert f"VERSION\n    {dyknow.__version__}" in text
     assert [name for name in dyknow.__all__ if name not in text] == []
+
+
+@pytest.mark.full
+def test_a_program_that_uses_the_library_is_checked_as_strictly_as_it_wishes(tmp_path: Path) -> None:
+    examples = [str(path) for path in (ROOT / "examples" / "python").glob("*.py")]
+    wrong = tmp_path / "wrong.py"
+    wrong.write_text(
+        "import dyknow\n\nwith dyknow.connect() as fed:\n"
+        "    fed.query(5)\n    for sample in fed.query('heli-altitude'):\n        sample.altitude\n"
+    )
+    cache = f"--cache-dir={ROOT / '.mypy_cache'}"
+    command = [sys.executable, "-m", "mypy", "--strict", cache]
+    done = subprocess.run([*command, *examples], capture_output=True, text=True, cwd=ROOT, check=False)
+    assert (done.returncode, done.stdout) == (0, f"Success: no issues found in {len(examples)} source files\n")
+    done = subprocess.run([*command, str(wrong)], capture_output=True, text=True, cwd=ROOT, check=False)
+    said = [line.partition("[")[2] for line in done.stdout.splitlines() if "error:" in line]
+    assert said == ["arg-type]", "attr-defined]"]

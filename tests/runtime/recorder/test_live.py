@@ -1,6 +1,7 @@
 """A running federation in Foxglove: the channels of a recording, positions at the truth, and nothing that changes anything."""
 
 import json
+import socket
 import sys
 import time
 from collections.abc import Callable, Iterator
@@ -136,3 +137,37 @@ def test_a_port_that_is_taken_and_a_library_that_is_missing_are_told(
     monkeypatch.setitem(sys.modules, "foxglove", None)
     with pytest.raises(UnitError, match=r"\[foxglove\]"):
         LiveServer("127.0.0.1", 0, "x", lambda: 0)
+
+
+@pytest.mark.parametrize(
+    ("origin", "host", "is_let_in"),
+    [
+        (None, None, True),
+        ("https://app.foxglove.dev", None, True),
+        ("https://evil.example", None, False),
+        ("http://127.0.0.1:8765", None, False),
+        ("null", None, False),
+        (None, "evil.example:8765", False),
+    ],
+)
+def test_pages_that_are_not_foxglove_and_names_that_are_not_ours_are_refused(
+    served: tuple[Box, Client, LiveServer], origin: str | None, host: str | None, is_let_in: bool
+) -> None:
+    from websockets.exceptions import InvalidStatus
+
+    _, _, server = served
+    headers = {"Host": host} if host else {}
+    options = {"origin": origin} if origin else {}
+    if is_let_in:
+        with FoxgloveClient(f"ws://127.0.0.1:{server.port}", **options) as foxglove:
+            until(lambda: foxglove.info)
+        assert server.refused == 0
+        return
+    if host:
+        with socket.create_connection(("127.0.0.1", server.port), 5) as raw:
+            raw.sendall(f"GET / HTTP/1.1\r\nHost: {headers['Host']}\r\n\r\n".encode())
+            assert raw.recv(100).startswith(b"HTTP/1.1 421")
+    else:
+        with pytest.raises(InvalidStatus), FoxgloveClient(f"ws://127.0.0.1:{server.port}", **options):
+            pass
+    assert server.refused == 1
