@@ -54,6 +54,22 @@ def test_two_uavs_are_done_before_one_is() -> None:
     assert together.end_ms < alone.end_ms
 
 
+def test_one_uav_at_a_time_is_above_a_carrier() -> None:
+    plan = found(domain(), problem(boxes=6, uavs=2, carriers=1)).plan
+    above, loaded = [], set()
+    for at, one in enumerate(plan.actions):
+        unit, box = (*one.objects, "")[:2]
+        last = {"fly-box-to-carrier": "detach-box", "fly-empty-to-box": "attach-box" if box in loaded else ""}
+        if last.get(one.operator.name):
+            wanted = f"{last[one.operator.name]}({unit}, {box})"
+            end_ms = next(each.end_ms for each in plan.actions[at:] if each.shown == wanted)
+            above.append((one.start_ms, end_ms, unit))
+            loaded.add(box)
+    assert len({unit for _, _, unit in above}) == 2 and len(above) > 4
+    for (_, end_ms, one_unit), (start_ms, _, other) in pairwise(sorted(above)):
+        assert one_unit == other or end_ms <= start_ms, above
+
+
 def without_controls(names: tuple[str, ...] = ()) -> Declarations:
     """The domain without its control formulas, or without those of some operators."""
     operators = tuple(

@@ -50,21 +50,26 @@ class Seeing(Noting):
 
 
 class Depot:
-    """Platform 0 of the scenario `logistics`, which is to deliver one box."""
+    """Platforms of the scenario `logistics`, which are to deliver one box."""
 
-    def __init__(self, seed: int = 2, problem: str = PROBLEM, faults: tuple[ScheduledFault, ...] = ()) -> None:
-        situation = scenario("logistics", 1, seed)
+    def __init__(
+        self, seed: int = 2, problem: str = PROBLEM, faults: tuple[ScheduledFault, ...] = (), uavs: int = 1
+    ) -> None:
+        situation = scenario("logistics", uavs, seed)
         assert situation.depot is not None
-        unit = situation.units[0]
         self.problem, self.boxes = problem, boxes_of(situation, seed, HandlingList())
         self.world = World(1, truth_us=None)
-        onboard, rig = watching(situation, unit, seed, BoxesOnGround(self.boxes))
-        flown = replace(loader(unit.vehicle(1), situation.depot), faults=faults)
-        self.vehicle = Seeing(onboard, flown, START_US)
-        self.vehicle.carry(hoist_of(situation, unit, seed, self.boxes))
-        limits = FlightLimits(2.0, 120.0, 1000.0)
-        config = PlatformConfig("0", 1, control=True, simulated=True, cameras=rig, limits=limits)
-        self.world.add("0", config, self.vehicle)
+        self.vehicles = []
+        for unit in situation.units:
+            onboard, rig = watching(situation, unit, seed, BoxesOnGround(self.boxes))
+            flown = replace(loader(unit.vehicle(1), situation.depot), faults=faults)
+            vehicle = Seeing(onboard, flown, START_US)
+            vehicle.carry(hoist_of(situation, unit, seed, self.boxes))
+            limits = FlightLimits(2.0, 120.0, 1000.0)
+            config = PlatformConfig(str(unit.number), 1, control=True, simulated=True, cameras=rig, limits=limits)
+            self.world.add(str(unit.number), config, vehicle)
+            self.vehicles.append(vehicle)
+        self.vehicle = self.vehicles[0]
         self.world.add_command_centre("cc")
         self.world.run_for(2.0)
 
@@ -143,6 +148,25 @@ def test_two_boxes_are_delivered_on_a_carrier_that_the_magnet_may_take_instead_o
         box = depot.thing(name)
         assert hypot(box.place[0] - x_m, box.place[1] - 450.0) < 3.0 and box.on is None, (name, box, lines)
     assert all("wrong-cargo" in each for each in lines if each.startswith("fault: ")), lines
+
+
+@pytest.mark.full
+def test_two_uavs_load_one_carrier_in_turn_and_bring_the_boxes_to_their_goals() -> None:
+    both = CARRIER.replace("uav0 .. uav0", "uav0 .. uav1").replace(
+        "ypos(uav0) := -10.0", "ypos(uav0) := -10.0, xpos(uav1) := -50.0, ypos(uav1) := -10.0"
+    )
+    depot = Depot(1, both, uavs=2)
+    dialogue = depot.begin()
+    depot.until(dialogue, within_s=600)
+    lines = told(dialogue)
+    assert lines[-1].startswith("inform: reached"), lines
+    assert {each.partition("started: ")[2][-5:-1] for each in lines if "started: climb-for-flying-e" in each} == {
+        "uav0",
+        "uav1",
+    }
+    assert lines.index("ended: detach-box(uav0, b1)") < lines.index("started: fly-box-to-carrier(uav1, b2, c1)")
+    for name, x_m in (("b1", 20.0), ("b2", -20.0)):
+        assert hypot(depot.thing(name).place[0] - x_m, depot.thing(name).place[1] - 450.0) < 3.0, lines
 
 
 def test_a_box_that_was_dropped_on_its_way_is_found_by_sight_and_delivered() -> None:

@@ -1,6 +1,8 @@
 """A mission over real processes and MAVLink, whose vehicle a real MAVLink client takes over in the middle, and gives back."""
 
 import socket
+import subprocess
+import sys
 import threading
 import time
 from collections.abc import Callable, Iterator
@@ -11,7 +13,8 @@ from typing import Any
 import pytest
 from pymavlink import mavutil
 
-from tests.live.command_line.command import Dyknow
+from dyknow import connect
+from tests.live.command_line.command import RUN, Dyknow
 
 pytestmark = pytest.mark.live
 EXAMPLES = Path(__file__).parents[3] / "examples" / "missions"
@@ -123,3 +126,39 @@ def test_a_box_that_another_platforms_vehicle_drops_is_found_by_its_camera_and_d
     assert entry["why"] == "looking for b1"
     entry = until(lambda entry: entry["phase"] not in {"locating", "searching for a plan", "executing"})
     assert (entry["phase"], entry["why"], entry["replans"]) == ("ended", "the plan is done", 1), entry
+
+
+def answered(dyknow: Dyknow, answer: str, *arguments: str) -> "subprocess.CompletedProcess[str]":
+    """A command whose question is answered on its standard input."""
+    words = [sys.executable, "-c", RUN, *dyknow._words(arguments)]
+    return subprocess.run(
+        words,
+        input=f"{answer}\n",
+        capture_output=True,
+        text=True,
+        env=dyknow._environment(),
+        timeout=PATIENCE_S,
+        check=False,
+    )
+
+
+@pytest.mark.full
+@pytest.mark.timeout(300)
+def test_the_cheaper_of_two_proposals_is_flown_if_it_is_consented_to_and_a_program_delegates_as_the_command_does(
+    dyknow: Dyknow, monkeypatch: pytest.MonkeyPatch
+) -> None:
+    dyknow.run("up", "2", "--scenario", "hover", "--detach")
+    texts = [str(EXAMPLES / name) for name in ("survey.dom", "two.prob")]
+    start = ("mission", "start", *texts, "--name", "m1", "--to", "0,1", "--consent")
+    declined = answered(dyknow, "n", *start)
+    assert declined.returncode == 1 and "not consented" in declined.stderr, declined
+    assert all(f"platform {unit} proposes " in declined.stdout for unit in (0, 1)), declined
+    flown = answered(dyknow, "y", *start)
+    assert flown.returncode == 0 and flown.stdout.splitlines()[-1].startswith("m1: reached"), flown
+    monkeypatch.setenv("XDG_RUNTIME_DIR", str(dyknow.directory))
+    domain, problem = ((EXAMPLES / name).read_text("utf-8") for name in ("survey.dom", "one.prob"))
+    with connect(dyknow.federation) as fed:
+        task = fed.mission(domain, problem, to="0,1", name="m2", search_s=5.0)
+        lines = [str(each) for each in task.events]
+    assert any("reached" in each for each in lines), lines
+    assert {entry["mission"] for entry in dyknow.run("mission", "status")} == {"m1", "m2"}
