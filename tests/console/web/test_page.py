@@ -76,8 +76,17 @@ def test_an_operator_sees_alarms_at_once_and_acts_by_clicks_and_keys_and_hostile
         wait_for(driver, "document.querySelectorAll('.card.bad').length === 1")
         assert f"proximity\n0 – {EVIL}" in panel(driver)
 
+        flight = {
+            "by": "0",
+            "commander": "route",
+            "doing": f"flies its route {EVIL}",
+            "ahead": ["58.5 15.1"],
+            "fences": [],
+        }
+        scene.put(kinds.FLIGHTS, flight)
         press(driver, "n")
         wait_for(driver, "document.getElementById('selected-name').textContent === 'Platform 0'")
+        wait_for(driver, f"document.getElementById('facts').innerText.includes({json.dumps(flight['doing'])})")
         press(driver, "h")
         wait_for(driver, "document.getElementById('dialog').open")
         assert "dyknow delegate hold --to 0" in driver.execute_script(
@@ -104,7 +113,11 @@ def test_an_operator_sees_alarms_at_once_and_acts_by_clicks_and_keys_and_hostile
         wait_for(driver, "document.getElementById('toasts').childElementCount === 2")
         assert page.done[1:] == [{"do": "cancel", "conversation": "cc-1-1"}]
 
-        for key, text in (("5", "No speech act"), ("6", "heli-position"), ("7", EVIL), ("3", "No monitor")):
+        entry = {"by": "0", "monitor": "slow", "units": ["0"], "which": [], "verdict": "undecided", "shows": "ok"}
+        scene.put(kinds.MONITOR, {**entry, "margin": -1.25})
+        press(driver, "3")
+        wait_for(driver, "document.getElementById('panel').innerText.includes('margin -1.25, violated')")
+        for key, text in (("5", "No speech act"), ("6", "heli-position"), ("7", EVIL), ("3", "slow")):
             press(driver, key)
             wait_for(driver, f"document.getElementById('panel').innerText.includes({json.dumps(text)})")
         assert driver.title == "dyknow example"  # no script of theirs ran
