@@ -20,7 +20,7 @@ FOLDERS = sorted({path.parent.relative_to(ROOT).as_posix() for room in ROOMS for
 MODULES_A_FOLDER = 12
 LINES_A_FILE = 420
 """Up to 400, a few more where cutting would hurt."""
-PRODUCT_LINES = 118_400
+PRODUCT_LINES = 118_300
 """What the rooms may have together. It only falls: lower it with what you delete."""
 SAME_NAME: dict[str, str] = {}
 """Public classes that may share a name with another one, at most eight, with the reason."""
