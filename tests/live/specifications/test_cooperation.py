@@ -25,6 +25,8 @@ def test_an_overtake_from_one_area_into_the_next_is_recognised_whatever_is_share
     for unit, spec in enumerate(PLATFORMS):
         options = "--spec", str(EXAMPLES / f"{spec}.kpl"), "--units", str(EXAMPLES / "cars.py")
         dyknow.start("join", "--unit", str(unit), *options, "--speed", "4", "--epoch", "2026-01-01T00:00:00Z", "--json")
+    if len(PLATFORMS) > DETECTS:
+        share(dyknow, DETECTS, "none")
     share(dyknow, TRACKS, LEVELS[0])
     events = dyknow.start("events", "--follow", "--json")
     symbols: dict[str, str] = {}
