@@ -41,6 +41,7 @@ def tile(folder: Path, *, z: int, x: int, y: int) -> None:
 
 
 @pytest.mark.live
+@pytest.mark.full
 @needs_chromium
 def test_tiles_of_a_folder_are_drawn_under_the_map(tmp_path: Path) -> None:
     scene = Scene(0, 0)
