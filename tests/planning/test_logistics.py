@@ -150,7 +150,7 @@ def test_a_box_that_is_where_it_should_be_is_left_alone() -> None:
 
 
 @pytest.mark.parametrize(
-    ("boxes", "seconds"), [(6, 400), pytest.param(10, 300, marks=pytest.mark.full)], ids=["six", "ten"]
+    ("boxes", "seconds"), [(6, 300), pytest.param(10, 320, marks=pytest.mark.full)], ids=["six", "ten"]
 )
 def test_a_box_with_a_deadline_goes_on_the_carrier_first(boxes: int, seconds: int) -> None:
     """By its order in the text it would be the last one: the search would not come back to where that was decided."""

@@ -16,7 +16,7 @@ def without_search_times(text: str) -> str:
 def test_plans_are_those_that_the_page_shows(tmp_path: Path) -> None:
     place = folder(tmp_path)
     shown = [each for fence in fences(PAGE) if fence.about == "live" for each in commands(fence)]
-    assert len(shown) == 3
+    assert len(shown) == 4
     for each in shown:
         assert without_search_times(output(each.command, place)) == without_search_times(each.output), each.command
 
