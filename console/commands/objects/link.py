@@ -62,7 +62,7 @@ def link(
     is_piped = str(percepts) == STANDARD_INPUT
     name = "standard input" if is_piped else str(percepts)
     with recorded_lines(percepts, "--percepts", "recorded percepts are a text of JSON lines") as lines:
-        is_local = None if network is None else network.frame is None
+        is_local = True if network is not None and network.frame is None else None
         reader = PerceptReader(
             name, linkage.percept_types, problems.on_error, frame, is_local=is_local, is_piped=is_piped
         )

@@ -17,8 +17,8 @@ from reasoning.chronicles.recognition.retention import Retention
 from reasoning.chronicles.recognition.stores import MINUS_INFINITY, SINCE_EVER, Bucket, Key, Store, Values, getter
 from reasoning.chronicles.recognition.witness import Witness
 
-SWEEP_AFTER: Final = 8192
-"""New events that are remembered before all keys are examined, or as many as remained last time."""
+SWEEP_AFTER: Final = 1024
+"""New events that are remembered before all keys are examined, or as many as remained last time, whichever is more."""
 
 LIMIT_DOOMED: Final = 100_000
 """So much is known beforehand of what is to be forgotten; what is not, is found when there are too many of a key."""

@@ -103,6 +103,25 @@ def test_places_on_earth_are_left_out_where_roads_have_metres_and_no_place_on_ea
     assert "positions of this file, or of its roads, are local" in done.stderr
 
 
+def test_roads_with_a_place_on_earth_take_places_in_metres_too_but_not_both_in_one_file(
+    dyknow: Run, tmp_path: Path, recording: Path
+) -> None:
+    roads = tmp_path / "roads.geojson"
+    line = {"type": "LineString", "coordinates": [[-50, 0], [200, 0]]}
+    feature = {"type": "Feature", "geometry": line, "properties": {"id": "r"}}
+    network = {"type": "FeatureCollection", "frame": "local", "origin": [15.6, 58.4], "features": [feature]}
+    roads.write_text(json.dumps(network))
+    done = dyknow("link", "--percepts", str(recording), "--roads", str(roads), "--json")
+    assert done.returncode == 0
+    states = [json.loads(each) for each in done.stdout.splitlines() if "on_road" in each and "hypotheses" in each]
+    assert states[0]["x_m"] == pytest.approx(states[0]["t_ms"] / 100, abs=0.5)
+    with recording.open("a") as file:
+        file.write("\n" + json.dumps({"t_ms": 9000, "percept": "b", "latitude_deg": 58.4, "longitude_deg": 15.6}))
+    done = dyknow("link", "--percepts", str(recording), "--roads", str(roads))
+    assert done.returncode == 2
+    assert "are local" in done.stderr
+
+
 def test_what_a_detector_pipes_in_is_linked_while_it_runs_and_a_line_that_is_too_long_spoils_no_other() -> None:
     command = [sys.executable, "-c", "from console.main import app; app()", "link", "--percepts", "-", "--json"]
     with Popen(command, stdin=PIPE, stdout=PIPE, stderr=PIPE, bufsize=0) as process:
