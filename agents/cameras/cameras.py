@@ -73,8 +73,9 @@ class Cameras(Part):
         self._lossy: ConditionEntry | None = None
         self._counted = Counter[str]()
         self._counted_us: int | None = None
-        for label, name in ((self._percepts, PERCEPTS), (self._state, STATE), (self._view, VIEW)):
-            network.add_source(label, translation.local_sort(name))
+        self._has_scored = False
+        for name in names:
+            network.add_source(translation.local_label(name, config.unit), translation.local_sort(name))
         network.subscribe(streams.estimate, Policy(), self._on_estimate)
 
     def labels(self) -> Iterable[LabelEntry]:
@@ -84,7 +85,7 @@ class Cameras(Part):
                 label=name, sort=ontology[name].sort.name, type_hash=ontology[name].type_hash, period_us=period_us
             )
             for name, period_us in ((PERCEPTS, 0), (STATE, PERIOD_US), (VIEW, 0), (PERSONS, 0))
-            if name != PERSONS or self._network.has(self._persons)
+            if name != PERSONS or self._has_scored
         ]
 
     def conditions(self) -> Iterable[ConditionEntry]:
@@ -135,7 +136,7 @@ class Cameras(Part):
         self._judge(now_us)
 
     def _push_person(self, valid_us: int, percept: Percept, federation_us: int, now_us: int) -> None:
-        """What detectors of persons have scored; the stream begins with the first of it."""
+        """What detectors of persons have scored; the stream is offered from the first of it on."""
         record = person_record(percept)
         if record is None:
             before = self._scored.pop(percept.symbol, None)
@@ -144,8 +145,8 @@ class Cameras(Part):
             self._scored[percept.symbol] = record
         if record is None:
             return
-        if not self._network.has(self._persons):
-            self._network.add_source(self._persons, self._translation.local_sort(PERSONS))
+        if not self._has_scored:
+            self._has_scored = True
             self._offer(now_us)
         self._push(self._persons, PERSONS, valid_us, record, federation_us)
 

@@ -119,8 +119,7 @@ class Saliency(Part):
     def _begin(self, now_us: int) -> None:
         if self._taken is None and self._network.has(self._labels[PERCEPTS]):
             self._taken = self._network.subscribe(self._labels[PERCEPTS], Policy(), self._on_look, self._on_end)
-            if self.search is None:
-                self.search = PersonSearch(self._unit, self._boot // 1000 % _LIVES * _FIRST + 1)
+        if self.search is not None:
             self._open((ENTRIES, MAP), now_us)
 
     def _open(self, names: Iterable[str], now_us: int) -> None:
@@ -136,8 +135,12 @@ class Saliency(Part):
 
     def _on_look(self, sample: Sample) -> None:
         look = person_look(self._unit, self._translation.to_semantic(PERCEPTS).sample(sample))
-        if self.search is not None and look is not None:
-            self.search.on_look(look)
+        if look is None:
+            return
+        if self.search is None:
+            self.search = PersonSearch(self._unit, self._boot // 1000 % _LIVES * _FIRST + 1)
+            self._due_us = 0
+        self.search.on_look(look)
 
     # -- what others have found --------------------------------------------------------------------------------
 
@@ -173,6 +176,9 @@ class Saliency(Part):
         if self._due_us is None or now_us < self._due_us:
             return
         self._begin(now_us)
+        if self.search is None and not self._network.has(self._labels[MAP]):
+            self._due_us = None
+            return
         federation_us = self._clock.federation_us(now_us)
         valid_us = federation_us // PERIOD_US * PERIOD_US
         self._due_us = self._clock.wall_us(valid_us + PERIOD_US)

@@ -174,7 +174,7 @@ class _Search:
         self._declared, self._statements, self._units = declared, goals, units
         self._dropped, self._stop, self._progress = dropped, stop, progress
         self.nodes, self._polls = nodes, 0
-        self._impossible = ""
+        self._impossible = self._impossible_goal = ""
 
     def run(self, strategy: Strategy) -> PlanFound | NoPlan:
         try:
@@ -258,7 +258,7 @@ class _Search:
         for one, formula, ground in grounds:
             name = one.name or "goal"
             if ground == FALSE:
-                self._goals.failed[name] = 1
+                self._impossible_goal = name
                 self._impossible = f"{name} cannot be reached: no operator changes what it is about"
                 return False
             inside = ground.parts if isinstance(ground, tree.And) else (ground,)
@@ -389,7 +389,8 @@ class _Search:
     def failed(self, goal: GoalStatement) -> int:
         """In how many states it was this goal that was missing: of equal ones, that is the one that is left aside."""
         goals = getattr(self, "_goals", None)
-        return 0 if goals is None else goals.failed.get(goal.name or "goal", 0)
+        name = goal.name or "goal"
+        return 1 if name == self._impossible_goal else 0 if goals is None else goals.failed.get(name, 0)
 
     def _none(self, reason: str, *, is_certain: bool) -> NoPlan:
         """Why there is no plan."""

@@ -12,9 +12,10 @@ from console.commands.texts.specification_files import read_text
 from console.errors import DONE, NO
 from dyknow.model.instants import print_span
 from runtime.library.pictures.saliency import FoundPerson, SaliencyPicture, geojson, saliency_map
+from runtime.library.pictures.saliency_drawing import saliency_svg
 from runtime.library.pictures.supplies import supply_goals
 
-Format: TypeAlias = Literal["table", "json", "geojson"]
+Format: TypeAlias = Literal["table", "json", "geojson", "svg"]
 
 
 @command(example="dyknow saliency --format geojson")
@@ -44,6 +45,8 @@ def saliency(
                 call.out.note(f"there is no box for {name}", style="yellow")
         elif format_ == "geojson":
             call.out.plain(f"{json.dumps(geojson(picture), indent=2)}\n")
+        elif format_ == "svg":
+            call.out.plain(saliency_svg(picture.persons))
         elif format_ == "json" or call.out.json_lines:
             for each in picture.persons:
                 call.out.plain(f"{json.dumps(each.as_json())}\n")

@@ -144,5 +144,10 @@ class Rescue:
                 break
         return (self.world.now_us - begin_us) / 1e6
 
+    def east_m(self, number: int) -> float:
+        """Where a vehicle really is."""
+        truth = self.vehicles[number].truth(self.world.now_us)
+        return float(self.frame.to_ned(truth.latitude_deg, truth.longitude_deg, truth.altitude_m)[1])
+
     def notes(self, unit: str) -> list[str]:
         return self.world.nodes[unit].notes
