@@ -39,7 +39,7 @@ SPEED_M_S = 12.0
 AGAIN_US = 3_000_000
 """After a pause the object may be unknown for so long: it has just been given its symbol again."""
 _NAMES = 8
-"""How many are told, the nearest, where there is no object of the one that was given."""
+"""How many are listed, the nearest, where there is no object of the one that was given."""
 _NEARER = (1.0, 0.75, 0.5, 0.25)
 """Shares of the way that are tried where the whole way is forbidden."""
 
