@@ -3,7 +3,7 @@
 | command | ordered | done when |
 |---|---|---|
 | take-off h | guided mode, arming, take-off; in the air: climb | it flies, and is at most 1 m below h |
-| goto lat lon h, climb h | guided target | 1.5 m from it level and 1 m in height, slower than 1 m/s |
+| goto lat lon h, climb h | guided target; it climbs where it was sent, if it is there | 1.5 m from it level and 1 m in height, slower than 1 m/s |
 | land, return-home | the mode | it stands disarmed |
 | winch m | so much line out | it is, within 15 cm |
 | magnet 1, magnet 0 | the gripper | it is acknowledged; what hangs on the line shows whether it holds something |
@@ -21,6 +21,7 @@ from typing import Final, NamedTuple
 
 from agents.flight.arbiter import Commander
 from agents.flight.pilot import Pilot
+from agents.flight.places import Fix
 from dyknow.model.errors import Refused
 from navigation.geodesy import distance_m
 from navigation.vehicle import (
@@ -128,7 +129,8 @@ class CommandRun:
             case ("take-off" | "climb", (height_m,)) if pilot.fix is not None:
                 if isinstance(self._order, GoToOrder):
                     return self._order
-                return GoToOrder(pilot.fix.latitude_deg, pilot.fix.longitude_deg, _altitude_m(pilot, height_m))
+                latitude_deg, longitude_deg = _place(pilot, pilot.fix)
+                return GoToOrder(latitude_deg, longitude_deg, _altitude_m(pilot, height_m))
             case ("hold", _):
                 return HoldOrder()
             case ("land", _):
@@ -219,6 +221,16 @@ class CommandRun:
         told = pilot.winch
         is_newer = told is not None and told.valid_us > self._ordered_us
         return bool(is_newer and told and told.line_m is not None and abs(told.line_m - line_m) <= LINE_M)
+
+
+def _place(pilot: Pilot, fix: Fix) -> tuple[float, float]:
+    """Where it climbs: where it was sent, if it is there, so that it still comes nearer, else where it is."""
+    sent = pilot.standing
+    if isinstance(sent, GoToOrder):
+        away_m = distance_m(fix.latitude_deg, fix.longitude_deg, sent.latitude_deg, sent.longitude_deg)
+        if away_m <= 2.0 * LEVEL_M:
+            return sent.latitude_deg, sent.longitude_deg
+    return fix.latitude_deg, fix.longitude_deg
 
 
 def _altitude_m(pilot: Pilot, height_m: float) -> float:
