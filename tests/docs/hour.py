@@ -290,7 +290,7 @@ class Machine:
             wanted = "\n".join(step.wanted)
             return "" if said.strip() == wanted.strip() else f"{step.command}\n{said}\ninstead of\n{wanted}"
         seen = _flat(terminal.seen)
-        lacking = [line for line in step.wanted if line.strip() and _flat([line]) not in seen]
+        lacking = [line for line in step.wanted if any(_flat([part]) not in seen for part in line.split("..."))]
         return "" if code == 0 and not lacking else f"{step.command} ended with {code}, lacks {lacking}\n{said}"
 
     def _start(self, step: Step) -> Terminal:

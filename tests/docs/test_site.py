@@ -11,6 +11,7 @@ from pathlib import Path
 import pytest
 
 from docs.site_pages import on_page_markdown
+from tests.docs import command_page
 from tests.docs.pages import DOCS, PAGES, ROOT
 
 ROOMS = ("agents", "federation", "kpl", "planning", "runtime", "sim_uavs")
@@ -35,6 +36,11 @@ def test_every_code_of_a_refusal_is_in_the_table() -> None:
     used = {*codes()}
     assert len(used) > 40
     assert used - table == set()
+
+
+def test_the_page_of_commands_has_what_the_commands_say() -> None:
+    """`python -m tests.docs.command_page` writes it anew."""
+    assert command_page.PAGE.read_text(encoding="utf-8") == command_page.page()
 
 
 def test_an_included_file_is_the_title_of_its_fence_and_other_files_are_named() -> None:
