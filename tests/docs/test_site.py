@@ -10,8 +10,8 @@ from pathlib import Path
 
 import pytest
 
+from docs import command_page
 from docs.site_pages import on_page_markdown
-from tests.docs import command_page
 from tests.docs.pages import DOCS, PAGES, ROOT
 
 ROOMS = ("agents", "federation", "kpl", "planning", "runtime", "sim_uavs")
@@ -39,7 +39,7 @@ def test_every_code_of_a_refusal_is_in_the_table() -> None:
 
 
 def test_the_page_of_commands_has_what_the_commands_say() -> None:
-    """`python -m tests.docs.command_page` writes it anew."""
+    """`python -m docs.command_page` writes it anew."""
     assert command_page.PAGE.read_text(encoding="utf-8") == command_page.page()
 
 

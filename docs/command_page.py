@@ -1,14 +1,14 @@
-"""The page of all commands, made of what they say of themselves: `python -m tests.docs.command_page` writes it."""
+"""The page of all commands, made of what they say of themselves: `python -m docs.command_page` writes it."""
 
 import re
 from collections.abc import Iterable
+from pathlib import Path
 from typing import Any, get_args
 
 from console.command import PANEL, loaded
 from console.main import COMMANDS
-from tests.docs.pages import DOCS
 
-PAGE = DOCS / "commands.md"
+PAGE = Path(__file__).with_name("commands.md")
 HEAD = """# Commands
 
 All commands and their options, as `dyknow COMMAND --help` has them. Exit codes and what refusals mean: [errors by their
