@@ -23,7 +23,7 @@ from federation.messages.contents import (
 )
 from federation.messages.dialogue import Dialogue
 from runtime.client import Client, Job, Wait
-from runtime.library.jobs import GRACE_S, failure_of, lists, platforms
+from runtime.library.jobs import GRACE_S, MOST_LEADERS, failure_of, lists, platforms
 
 P = Performative
 Consent = Callable[[list[tuple[str, MissionProposal]]], bool]
@@ -96,7 +96,7 @@ def begin_mission(
     taking_part = list(dict.fromkeys(texts.platforms.values()))
     leaders = [client.pick(unit)[0] for unit in to or taking_part[:1]]
     name = keys.conversation(wanted.name or name_of(Path("mission"), client.now_us()))
-    trusted = tuple(dict.fromkeys(leaders if set(leaders) <= set(taking_part) else (*leaders, *taking_part)))
+    trusted = tuple(dict.fromkeys((*leaders, *taking_part)))[:MOST_LEADERS]  # one of them may succeed its leader
     for platform in taking_part:
         if set(trusted) - {platform}:
             permit = PermitMission(mission=name, leaders=trusted)

@@ -148,6 +148,14 @@ def test_the_lightest_goal_that_cannot_be_met_is_dropped_at_the_cost_of_its_weig
     )
 
 
+def test_of_goals_of_equal_weight_the_one_that_cannot_be_reached_is_left_aside() -> None:
+    domain = parse_domain(TRUCKS)
+    goals = (
+        "#goal food: seen(b) :weight 5\n#goal never: length(a, b) == 99 :weight 5\n#goal medicine: seen(d) :weight 5"
+    )
+    assert found(domain, parse_problem(MAP + goals, domain)).plan.unreached == ("never",)
+
+
 def _fields(found: Declarations) -> dict[str, Any]:
     return {name: getattr(found, name) for name in Declarations.__dataclass_fields__}
 
