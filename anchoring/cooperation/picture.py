@@ -40,6 +40,8 @@ WAIT_US: Final = 3 * US_PER_S
 """How long a track waits for a name if it may be that of another member's."""
 STABLE_US: Final = 400_000
 """A name is given up when it has been another's for so long."""
+MEET_US: Final = 2 * US_PER_S
+"""Likewise where the other may be of the same object: after a cut it takes so long to see that it is."""
 MOST_EVENTS: Final = 1000
 _ALL: Final[Mapping[str, float]] = MappingProxyType({})
 
@@ -262,7 +264,9 @@ class GlobalPicture:
         track = self._tracks.of(key.unit)[key]
         held = self._claims.held.get(key)
         if held is not None:  # its name is another's
-            return self._is_stable(key, at_us)
+            known = self._objects.get(held.name)
+            is_near = known is not None and bool(track.seen) and known.may_be_at(track.seen[-1])
+            return self._is_stable(key, at_us, MEET_US if is_near else STABLE_US)
         seen_for_us = at_us - track.first_us
         turn = sorted(each.unit for each in group.tracks if self._is_live(each, at_us)).index(key.unit)
         waits_us = NEW_US + turn * TURN_US
@@ -294,9 +298,9 @@ class GlobalPicture:
         held = self._claims.held.get(key)
         return held is not None and held.name == name
 
-    def _is_stable(self, key: TrackKey, at_us: int) -> bool:
+    def _is_stable(self, key: TrackKey, at_us: int, for_us: int = STABLE_US) -> bool:
         since_us = self._wrong_since_us.setdefault(key, at_us)
-        return at_us - since_us >= STABLE_US
+        return at_us - since_us >= for_us
 
     def _new_name(self) -> str:
         while True:

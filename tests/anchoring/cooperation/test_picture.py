@@ -139,6 +139,21 @@ def test_a_platform_that_leaves_and_returns_changes_no_name() -> None:
     assert sky.names("x", "2") == {before[1]}
 
 
+def test_after_a_cut_a_car_that_both_sides_call_by_its_name_is_called_so_all_the_time() -> None:
+    """1 sees it come while 2 is cut off, and takes it for what it is; 2 has had the name for longer."""
+    sky = Sky("12")
+    sky.run(5, lambda t: {"1": {}, "2": {"b": CAR(t)}})
+    name = sky.name("b", "2")
+    sky.wire.cut("2", sky.now_us)
+    sky.run(5, lambda t: {"1": {"a": CAR(t)} if t > 7 else {}, "2": {"b": CAR(t)}})
+    assert sky.pictures["1"].name_of("1", "a") == name
+    sky.wire.heal("2", sky.now_us)
+    for _ in range(20):
+        sky.run(0.2, lambda t: {"1": {"a": CAR(t)}, "2": {"b": CAR(t)}})
+        assert sky.names("a", "1") | sky.names("b", "2") <= {name, None}
+    assert sky.name("a", "1") == sky.name("b", "2") == name
+
+
 def test_what_only_a_member_sees_that_is_cut_off_is_kept_with_growing_uncertainty() -> None:
     sky = Sky()
     sky.run(4, lambda t: {"0": {}, "1": {"b": CAR(t)}})
