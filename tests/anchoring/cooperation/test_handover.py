@@ -16,6 +16,7 @@ SHARED = [level for level in LEVELS if level != "none"]
 ALL = frozenset(LEVELS)
 
 
+@pytest.mark.timeout(1200 if FULL else 240)
 @pytest.mark.parametrize("level", SHARED)
 def test_an_overtake_over_two_areas_is_recognised_at_each_level_of_sharing(level) -> None:
     if FULL:
@@ -24,6 +25,7 @@ def test_an_overtake_over_two_areas_is_recognised_at_each_level_of_sharing(level
         assert is_right(3, level)
 
 
+@pytest.mark.timeout(1200 if FULL else 240)
 def test_without_sharing_it_is_not_recognised() -> None:
     assert not any(outcome(seed, "none").recognised for seed in range(200 if FULL else 1))
 

@@ -63,6 +63,7 @@ def is_of(recognised: Event, real: Event) -> bool:
     return (name, *recognised[2:]) == real[1:] and abs(recognised[0] - real[0]) < LATE_US
 
 
+@pytest.mark.timeout(1200 if FULL else 240)
 @pytest.mark.parametrize("seed", range(3, 7 if FULL else 4))
 def test_turns_that_are_recognised_are_those_that_cars_take_and_none_is_overlooked(seed: int) -> None:
     recognised, below = recognised_and_real(seed, 0, 120.0 if FULL else 40.0)
@@ -71,6 +72,7 @@ def test_turns_that_are_recognised_are_those_that_cars_take_and_none_is_overlook
         assert any(is_of(other, each) for other in recognised), each
 
 
+@pytest.mark.timeout(1200 if FULL else 240)
 @pytest.mark.parametrize("seed", range(3, 7 if FULL else 4))
 def test_turns_under_trees_are_predicted_and_no_others(seed: int) -> None:
     recognised, below = recognised_and_real(seed, 1, 120.0 if FULL else 30.0)
