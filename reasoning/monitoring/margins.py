@@ -12,11 +12,10 @@ from collections import deque
 from collections.abc import Callable, Collection, Mapping
 from math import inf
 from types import MappingProxyType
-from typing import Final, NamedTuple
+from typing import Final, NamedTuple, TypeGuard
 
 from dyknow.model.errors import TextError
 from dyknow.model.sample import Value
-from dyknow.model.values import NO_VALUE
 from reasoning.formulas import tree
 from reasoning.formulas.evaluation import UNDECIDED, EvaluationCompiler, Moment
 from reasoning.progression.changes import Changes
@@ -25,6 +24,11 @@ Distance = Callable[[Moment], float | None]
 _FAR: Final = (-inf, inf, None)
 """Of a truth value, by its digit."""
 _SIGN: Final = {"<": -1.0, "<=": -1.0, ">": 1.0, ">=": 1.0}
+
+
+def _is_quantity(value: Value) -> TypeGuard[float]:
+    """Whether it has a distance; a text, a truth value, a record, and what is missing have none."""
+    return isinstance(value, int | float) and not isinstance(value, bool)
 
 
 class Margin(NamedTuple):
@@ -250,10 +254,13 @@ class _Maker:
             if truth == UNDECIDED:
                 return None
             a, b = first(*moment), second(*moment)
-            if a is NO_VALUE or b is NO_VALUE or isinstance(a, str | bool) or isinstance(b, str | bool):
+            if not (_is_quantity(a) and _is_quantity(b)):
                 return _FAR[truth]
-            if operator in _SIGN:
-                return _SIGN[operator] * float(a - b)
-            return float(abs(a - b)) * (1.0 if operator == "!=" else -1.0)
+            try:
+                if operator in _SIGN:
+                    return _SIGN[operator] * float(a - b)
+                return float(abs(a - b)) * (1.0 if operator == "!=" else -1.0)
+            except OverflowError:
+                return _FAR[truth]
 
         return distance

@@ -36,7 +36,7 @@ def dyknow(world: Box, tmp_path: Path, capsys: pytest.CaptureFixture[str], monke
     monkeypatch.setenv("XDG_RUNTIME_DIR", str(tmp_path))
     monkeypatch.setattr(client, "os", SimpleNamespace(getpid=partial(next, _PIDS)))
     monkeypatch.setattr(up, "missing", lambda _directory, _configs: [])
-    monkeypatch.setattr(join, "_run", lambda _call, _configs: 0)
+    monkeypatch.setattr(join, "_run", lambda _call, _configs, _level: 0)
     for name in ("mission.kpl", "mission.jsonl"):
         (tmp_path / name).write_bytes((ROOT / "examples" / name).read_bytes())
 

@@ -70,4 +70,5 @@ def _record(receiver: str, one: ImportAccount) -> dict[str, Any]:
         "missing": one.missing,
         "lost": one.lost,
         "every": one.every,
+        "delay_s": one.delay_s,
     }

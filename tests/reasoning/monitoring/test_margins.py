@@ -1,3 +1,5 @@
+import math
+
 import pytest
 from hypothesis import HealthCheck, given, settings
 from hypothesis import strategies as st
@@ -46,6 +48,11 @@ def told(text, rows, period_us=UNIT_US, **options):
 
 def test_a_comparison_is_as_far_from_violation_as_its_sides_are_apart():
     assert told("always xy >= 15", [{"xy": 18.0}, {"xy": 14.0}, {}]) == [3.0, -1.0, None]
+
+
+@pytest.mark.parametrize("value", [(58.4, 15.0), "near", True, 10**400])
+def test_what_has_no_distance_is_far_on_its_side(value):
+    assert told("always x != 0", [{"x": value}]) == [math.inf]
 
 
 def test_the_nearest_of_several_objects_counts_and_the_better_of_two_distances():
