@@ -68,8 +68,8 @@ def commands(fence: Fence) -> list[Shown]:
 
 
 def alike(line: str) -> str:
-    """The line without its numbers, their units, names of conversations, and its spaces."""
-    line = re.sub(r"\bcc-[\w.-]+", "cc", line)
+    """The line without its numbers, their units, names of conversations, the colours of cars, and its spaces."""
+    line = re.sub(r"\bcolour \w+", "colour", re.sub(r"\bcc-[\w.-]+", "cc", line))
     return re.sub(r"-?\d+(\.\d+)?(e-?\d+)?( (us|ms|s|min)\b)?", "N", " ".join(line.split()))
 
 
