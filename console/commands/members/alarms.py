@@ -136,14 +136,21 @@ def _unit_of(field: str) -> str:
 
 def reason_text(reason: Because) -> str:
     """`because xy_dist[0, 1] >= 15 is false: xy_dist[0, 1] 11.0`, and since when a temporal part needed it."""
-    samples = ", ".join(
-        f"{name} {value:.4g}" if isinstance(value, float) else f"{name} {value}"
-        for name, value in reason.samples.items()
-    )
+    samples = ", ".join(f"{name} {_value_text(name, value)}" for name, value in reason.samples.items())
     within = ""
     if reason.within is not None and reason.since_us is not None:
         within = f", which {reason.within} needs since {clock_time(reason.since_us)}"
     return f"because {reason.part} is {'true' if reason.holds else 'false'}{': ' if samples else ''}{samples}{within}"
+
+
+def _value_text(name: str, value: Any) -> str:
+    """A value of a state; times in seconds."""
+    from reasoning.features.derivation import FEATURES
+
+    feature = FEATURES.get(name.partition("[")[0])
+    if feature is not None and feature.unit == "us" and isinstance(value, int | float):
+        return print_span(round(value)) if round(value) else "0 s"
+    return f"{value:.4g}" if isinstance(value, float) else str(value)
 
 
 def _known(values: Mapping[str, Any]) -> dict[str, Any]:
