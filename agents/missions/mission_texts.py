@@ -166,9 +166,12 @@ def texts_record(given: Mapping[str, Any]) -> dict[str, Any]:
 
 
 def texts_in(record: Mapping[str, Any]) -> MissionTexts:
-    """The texts of a record without mistakes."""
-    found: MissionTexts = unpacked(record["texts"])
-    return found
+    """The texts of a record without mistakes.
+
+    Raises:
+        ValueError: no process of this platform wrote it.
+    """
+    return unpacked(str(record.get("texts")), MissionTexts)
 
 
 def texts_of(domain: Declarations, problem: Declarations) -> tuple[str, str]:

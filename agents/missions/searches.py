@@ -74,4 +74,7 @@ def _read(event: SearchOver) -> MissionTexts | Reason:
         return Reason(text=f"the texts were not read: {event.reason}"[:LONGEST], code="busy")
     if "wrong" in event.plan:
         return Reason(text=event.plan["wrong"][:LONGEST], code=event.plan["code"])
-    return texts_in(event.plan)
+    try:
+        return texts_in(event.plan)
+    except ValueError as wrong:
+        return Reason(text=f"the texts were not read: {wrong}"[:LONGEST], code="busy")

@@ -1,8 +1,7 @@
 """B9: plans of 150 to 250 actions for the logistics domain of thesis 7.4.1, with control formulas as formulas.
 
-Timed is the search, from declarations that were read to a plan; each round is a problem of its own seed, and what is left of the
-round before is collected first: a search of the product has a process of its own. Without its
-control formulas the same domain is searched as well, for the length of its plans. Where the extra `planning` is
+The search is timed, not the reading of the texts. Each round has a problem of another seed, and begins with a garbage
+collection, since a search of the product runs in a process of its own. Without its control formulas the same domain is searched as well, for the length of its plans. Where the extra `planning` is
 installed, fast-downward plans for as many boxes without coordinates (`symbolic.dom`), each with a place of its own.
 """
 

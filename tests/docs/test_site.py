@@ -39,7 +39,7 @@ def test_every_code_of_a_refusal_is_in_the_table() -> None:
 
 
 def test_the_page_of_commands_has_what_the_commands_say() -> None:
-    """`python -m docs.command_page` writes it anew."""
+    """`python -m docs.command_page` makes the page."""
     assert command_page.PAGE.read_text(encoding="utf-8") == command_page.page()
 
 

@@ -1,5 +1,10 @@
 """Searches for plans in processes of their own: answered by an event, ended when they are wanted no more, bounded in time."""
 
+import os
+import pickle
+from base64 import b64encode
+from collections.abc import Callable
+from functools import partial
 from pathlib import Path
 from queue import Empty, SimpleQueue
 
@@ -72,6 +77,32 @@ def test_texts_are_read_there_and_mistakes_keep_their_place_and_cause() -> None:
                 assert found["code"] == "no-unit"
     finally:
         workers.close()
+
+
+class Bomb:
+    def __init__(self, effect: Callable[..., object], *given: object) -> None:
+        self.effect, self.given = effect, given
+
+    def __reduce__(self) -> tuple[Callable[..., object], tuple[object, ...]]:
+        return self.effect, self.given
+
+
+@pytest.mark.parametrize(
+    "bomb", [Bomb(os.mkdir, "bombed"), Bomb(eval, "__import__('os').mkdir('bombed')"), Bomb(partial)]
+)
+def test_what_no_process_of_the_platform_wrote_runs_nothing(
+    bomb: Bomb, tmp_path: Path, monkeypatch: pytest.MonkeyPatch
+) -> None:
+    monkeypatch.chdir(tmp_path)
+    with pytest.raises(ValueError, match="cannot be read"):
+        texts_in({"texts": b64encode(pickle.dumps(bomb)).decode()})
+    assert not (tmp_path / "bombed").exists()
+
+
+@pytest.mark.parametrize("texts", ["", "gibberish", None, 7, b64encode(pickle.dumps(7)).decode()])
+def test_what_is_no_texts_is_told(texts: object) -> None:
+    with pytest.raises(ValueError, match="what was packed"):
+        texts_in({"texts": texts})
 
 
 def test_more_searches_than_run_at_a_time_are_refused_at_once() -> None:

@@ -75,7 +75,7 @@ def scanned() -> Delivery:
 
 
 def to_the_nearest(count: int) -> Delivery:
-    """To so many persons whose places are known."""
+    """The delivery of a box to each of as many persons, at known places."""
     rescue = Rescue(5, image_us=200_000)
     rescue.world.run_for(2.0)
     lie = sorted(rescue.persons, key=lambda each: each.y_m)[:count]

@@ -19,7 +19,7 @@ EXAMPLES = Path(__file__).parents[3] / "examples" / "traffic"
 PATIENCE_S = 200.0
 TURN = re.compile(r"(turn_left_in|turn_right_in|straight_through)_crossing(_predicted)?\[(\w+), (\w+), (\w+), (\w+)\]")
 CARS = 200
-"""Of so many cars that a platform sees one is recognised to go through a crossing, however slowly they are seen."""
+"""Among this many cars at least one passes a crossing while it is tracked."""
 
 
 @pytest.mark.timeout(1200)
