@@ -40,6 +40,7 @@ class PlatformConfig:
         monotonic_offset_us: its node clock minus the monotonic clock of the machine, which hosts have, too.
         admission: what becomes of declarations that there is no time for.
         extensions: classes of parts that it has besides its own; see `agents.extensions`.
+        contained: whether what a part raises ends that act or step only; a simulated world may want it raised.
         govern_us: while delays are longer than this the least important streams suffer; None: no governor.
     """
 
@@ -68,6 +69,7 @@ class PlatformConfig:
     stopwatch: Callable[[], int] | None = None
     monotonic_offset_us: int = 0
     extensions: tuple[type[Part], ...] = ()
+    contained: bool = True
     govern_us: int | None = None
     admission: Literal["refuse", "longer"] = "refuse"
     acts_per_s: float = ACTS_PER_S

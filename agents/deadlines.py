@@ -1,8 +1,8 @@
 """When a platform has work next: the earliest deadline of its parts."""
 
-from collections.abc import Sequence
+from collections.abc import Callable, Sequence
 
-from agents.part import Timed
+from agents.part import Part, Timed
 
 
 class EarliestDeadline:
@@ -16,8 +16,8 @@ class EarliestDeadline:
         due_us: the earliest, as far as it is known; None when everything may have changed.
     """
 
-    def __init__(self, parts: Sequence[Timed]) -> None:
-        self._parts = parts
+    def __init__(self, parts: Sequence[Part], due_of: Callable[[Part], int | None]) -> None:
+        self._parts, self._due_of = parts, due_of
         self.due_us: int | None = None
 
     def forget(self) -> None:
@@ -42,7 +42,7 @@ class EarliestDeadline:
         found_us = self.due_us
         if found_us is None:
             for part in self._parts:
-                due_us = part.deadline_us
+                due_us = self._due_of(part)
                 if due_us is not None and (found_us is None or due_us < found_us):
                     found_us = due_us
                     if due_us <= now_us:

@@ -15,6 +15,7 @@ from typing import Any, TypeVar
 
 from agents.actions import ROLES, Role
 from agents.admission.admission import Admission
+from agents.admission.containment import Containment
 from agents.admission.limits import ActLimits
 from agents.admission.message_log import MessageLog
 from agents.admission.trusted import PlatformTrust
@@ -112,6 +113,7 @@ class Ports:
         on_peer, on_alarm: tell all parts of a change of a peer, of an alarm.
         services, labels: what all parts offer.
         now_us: the node clock of the present step.
+        contain: what becomes of what a part raises.
     """
 
     config: PlatformConfig
@@ -125,6 +127,7 @@ class Ports:
     labels: Callable[[], Sequence[LabelEntry]]
     conditions: Callable[[], Sequence[ConditionEntry]]
     now_us: Callable[[], int]
+    contain: Containment
 
     def __post_init__(self) -> None:
         config = self.config

@@ -10,6 +10,7 @@ from collections.abc import Sequence
 from functools import partial
 from typing import Any, TypeVar
 
+from agents.admission.containment import Containment, sender_of
 from agents.config import PlatformConfig
 from agents.deadlines import EarliestDeadline
 from agents.effects import Effect, Event, Note
@@ -36,6 +37,7 @@ class Platform:
         ports: what the parts are built of, for observers from outside.
         deadlines: when its parts have work next.
         refused: what arrived and was dropped before it reached a part, by reason.
+        containment: what parts raised, and what follows.
     """
 
     def __init__(self, config: PlatformConfig, now_us: int) -> None:
@@ -43,6 +45,7 @@ class Platform:
         self.refused: Counter[str] = Counter()
         self._out: list[Effect] = []
         self._now_us = now_us
+        self.containment = Containment(self._note, self._reoffer, is_on=config.contained)
         self.ports = Ports(
             config,
             now_us,
@@ -55,12 +58,13 @@ class Platform:
             labels=self._labels,
             conditions=self._conditions,
             now_us=lambda: self._now_us,
+            contain=self.containment,
         )
         self.parts = self.ports.build()
         self._timed = self._having("on_time")
         self._with_peers, self._with_alarms = self._having("on_peer"), self._having("on_alarm")
         self._flushed, self._owing = self._having("flush"), self._having("is_owing")
-        self.deadlines = EarliestDeadline(self._having("deadline_us"))
+        self.deadlines = EarliestDeadline(self._having("deadline_us"), self.containment.deadline_us)
         self._arrivals: dict[str, Handler] = {
             chunk: getattr(part, method) for part in self.parts for chunk, method in part.arrivals.items()
         }
@@ -104,7 +108,7 @@ class Platform:
         """Come into the federation."""
         self._now_us = now_us
         for part in self.parts:
-            part.start(now_us)
+            self._step(part, "start", now_us)
         return self.settle()
 
     def on_event(self, event: Event, now_us: int) -> list[Effect]:
@@ -112,6 +116,9 @@ class Platform:
         self._now_us = now_us
         try:
             if isinstance(event, Arrived):
+                if not self.containment.is_heard(event.key, now_us):
+                    self.refused["not listened to"] += 1
+                    return self._effects()
                 take: Handler = self._arrivals.get(event.key.partition("/")[0], _no_key)
             else:
                 take = self._handlers.get(type(event), _nothing)
@@ -119,6 +126,11 @@ class Platform:
         except DecodeError as wrong:
             self.refused[wrong.reason] += 1
             return self._effects()
+        except Exception as wrong:
+            if not self.containment.is_on:
+                raise
+            self.containment.caught(_words(take), wrong, now_us, _sender(event))
+            followed = None
         if followed is None:
             return self.settle()
         if not followed:
@@ -130,8 +142,18 @@ class Platform:
         """Let time pass. Call at `deadline_us`; more often is harmless."""
         self._now_us = now_us
         for part in self._timed:
-            part.on_time(now_us)
+            if self.containment.is_stepped(part, now_us):
+                self._step(part, "on_time", now_us)
         return self.settle()
+
+    def _step(self, part: Part, method: str, now_us: int) -> None:
+        """Step one part, whatever the others do."""
+        try:
+            getattr(part, method)(now_us)
+        except Exception as wrong:
+            if not self.containment.is_on:
+                raise
+            self.containment.failed_step(part, method, wrong, now_us)
 
     @property
     def deadline_us(self) -> int:
@@ -150,7 +172,14 @@ class Platform:
         """End a step that may have changed anything, also one that was taken by hand; returns its effects."""
         self.deadlines.forget()
         for part in self._flushed:
-            part.flush()
+            if not self.containment.is_stepped(part, self._now_us):
+                continue
+            try:
+                part.flush()
+            except Exception as wrong:
+                if not self.containment.is_on:
+                    raise
+                self.containment.failed_step(part, "flush", wrong, self._now_us)
         return self._effects()
 
     def _effects(self) -> list[Effect]:
@@ -162,11 +191,23 @@ class Platform:
 
     def _on_peer(self, change: PeerChange, now_us: int) -> None:
         for part in self._with_peers:
-            part.on_peer(change, now_us)
+            self._tell(part, "on_peer", change, now_us, change.unit)
 
     def _on_alarm(self, event: AlarmEvent) -> None:
         for part in self._with_alarms:
-            part.on_alarm(event, self._now_us)
+            self._tell(part, "on_alarm", event, self._now_us)
+
+    def _tell(self, part: Part, method: str, news: PeerChange | AlarmEvent, now_us: int, sender: str = "") -> None:
+        """Tell one part, whatever the others do."""
+        try:
+            getattr(part, method)(news, now_us)
+        except Exception as wrong:
+            if not self.containment.is_on:
+                raise
+            self.containment.caught(f"{type(part).__name__}.{method}", wrong, now_us, sender)
+
+    def _reoffer(self, now_us: int) -> None:
+        self.ports.offer(now_us)
 
     def _services(self) -> Sequence[Service]:
         return tuple({offer.service.service: offer.service for part in self.parts for offer in part.offers}.values())
@@ -176,7 +217,16 @@ class Platform:
         return tuple({entry.label: entry for part in self.parts for entry in part.labels()}.values())
 
     def _conditions(self) -> Sequence[ConditionEntry]:
-        return tuple(condition for part in self.parts for condition in part.conditions())
+        found = list(self.containment.conditions())
+        for part in self.parts:
+            try:
+                found += part.conditions()
+            except Exception as wrong:
+                if not self.containment.is_on:
+                    raise
+                self.containment.failures[f"{type(part).__name__}.conditions"] += 1
+                self._note(f"impaired: {type(part).__name__}.conditions: {wrong}")
+        return tuple(found)
 
     def _note(self, text: str) -> None:
         self._out.append(Note(self._now_us, text))
@@ -211,6 +261,18 @@ def _first(handlers: Sequence[Handler], event: Event, now_us: int) -> Followed:
         if followed is not NOT_MINE:
             return followed
     return ()
+
+
+def _words(handler: Handler) -> str:
+    """The part and method that take an event."""
+    part = getattr(handler, "__self__", None)
+    return f"{'Platform' if part is None else type(part).__name__}.{getattr(handler, '__name__', 'on_event')}"
+
+
+def _sender(event: Event) -> str:
+    """The unit that sent it; empty: none did, or it is not known."""
+    key = getattr(event, "key", None)
+    return sender_of(keys.parse_key(key)) if isinstance(key, str) else ""
 
 
 def _no_key(_event: Arrived, _now_us: int) -> Followed:

@@ -280,7 +280,7 @@ class Box(World):
 
     def join(self, unit: str, vehicle: Vehicle | None = None, **config: Any) -> Platform:
         """A platform starts, with a vehicle."""
-        given = PlatformConfig(unit, 0, **{"clock": self.clock, **config})
+        given = PlatformConfig(unit, 0, **{"clock": self.clock, "contained": False, **config})
         self.add(unit, given, vehicle or Vehicle())  # type: ignore[arg-type]
         return self.platform(unit)
 

@@ -8,6 +8,7 @@ from collections.abc import Callable, Sequence
 from typing import Any, TypeAlias
 
 from agents.actions import Action, Role, ServiceTable
+from agents.admission.containment import Containment
 from agents.admission.limits import ActLimits
 from agents.interface import InterfaceAgent
 from agents.part import ClockCompared, Followed, Part, PeerChange
@@ -55,6 +56,7 @@ class Admission(Part):
         limits: how much one peer may ask.
         role_of: what a unit may ask for.
         refuse: counts what is dropped before it is an act.
+        contain: what becomes of an act whose part raises.
 
     Raises:
         UnitError: a part has no method that an action of it names.
@@ -70,9 +72,10 @@ class Admission(Part):
         limits: ActLimits,
         role_of: Callable[[str], Role],
         refuse: Callable[[str], None],
+        contain: Containment,
     ) -> None:
         self._interface, self._parts, self._limits, self._role_of = agent, tuple(parts), limits, role_of
-        self._refuse, self._unit = refuse, agent.unit
+        self._contain, self._refuse, self._unit = contain, refuse, agent.unit
         self.table = ServiceTable(offer for part in parts for offer in part.offers)
         self._handlers: dict[str, Handler] = {
             action.head: _handler(part, action) for part in parts for offer in part.offers for action in offer.actions
@@ -136,6 +139,16 @@ class Admission(Part):
         except errors.DyknowError as wrong:
             self._answer(act, P.REFUSE, wrong, now_us)
             return f"{wrong.code.replace('-', ' ') if isinstance(wrong, Denied) else 'refused'}: {wrong}"
+        except Exception as wrong:
+            if not self._contain.is_on:
+                raise
+            head = "cancel" if act.content is None else act.content.head
+            self._contain.caught(f"({head} ...)", wrong, now_us, act.sender.unit)
+            failed = errors.Refused(
+                f"({head} ...) failed here: {type(wrong).__name__}; the platform continues", "failed"
+            )
+            self._answer(act, P.FAILURE, failed, now_us)
+            return f"failed: {type(wrong).__name__}"
         return "accepted"
 
     def _answer(self, act: Act, performative: Performative, error: errors.DyknowError, now_us: int) -> None:
@@ -160,7 +173,7 @@ class Admission(Part):
         if act.performative in NOT_TAKEN:
             raise Denied(f"{act.performative} is not taken: {NOT_TAKEN[act.performative]}", "performative")
         if act.content is None:
-            raise errors.ContentError("an act without content says nothing")
+            raise errors.ContentError("an act without content has no meaning")
         content = read(act.content)
         service, action = self.table.of(content.head, act.performative)
         self._check_door(act, service)

@@ -29,6 +29,9 @@ PERIOD_US: Final = US_PER_S
 MAX_BORDER: Final = 1000
 """Characters of a border in the stream; a longer one ends with dots."""
 
+MOST, MOST_OF_ONE = 16, 8
+"""Pieces that are kept, in all and of one leader."""
+
 
 @dataclass(slots=True)
 class AssignedPiece:
@@ -102,9 +105,18 @@ class AreaAssignment(Part):
         """`(assign-area ...)`: of the leader of the task.
 
         Raises:
-            Refused: another sends it.
+            Refused: another sends it, the task is of another delegator, or there are too many pieces already.
         """
         sender = act.sender.unit
+        if content.delegator is not None and not content.task.startswith(f"{content.delegator}-"):
+            self.refused["not its delegator"] += 1
+            raise Refused(
+                f"{content.task} was not asked for by {content.delegator}: its name says by whom", "delegator"
+            )
+        of_sender = [task for task, piece in self.pieces.items() if piece.leader == sender and task != content.task]
+        if content.rings and (len(of_sender) >= MOST_OF_ONE or len({*self.pieces, content.task}) > MOST):
+            self.refused["too many pieces"] += 1
+            raise Refused(f"there are {len(self.pieces)} pieces here, {len(of_sender)} of {sender}", "too-many-pieces")
         if not self._may_lead(sender, content):
             self.refused["not its task"] += 1
             raise Refused(f"{sender} does not lead {content.task}", "not-its-task")
@@ -146,6 +158,11 @@ class AreaAssignment(Part):
         elif had is not None:
             self._note(f"area: none any longer, by {leader}")
         self._changed(has_been, now_us)
+
+    def drop(self, task: str, now_us: int) -> None:
+        """No platform leads the task any longer."""
+        if self.pieces.pop(task, None) is not None:
+            self._changed(True, now_us)
 
     def _changed(self, has_been: bool, now_us: int) -> None:
         if self.pieces and not self._network.has(self._local):

@@ -321,6 +321,10 @@ class AreaDivision(Part):
         if piece is None or piece.gone_us is None or task in self.areas:
             return
         content = piece.content
+        if piece.leader == (content.delegator or task.partition("-")[0]):
+            self._own.drop(task, now_us)
+            self._note(f"area: {piece.leader}, the delegator and leader of {task}, is gone; no other takes over")
+            return
         if len(self.areas) >= MOST or self._tasks.get(task) is not None or not content.whole:
             self._note(f"area: {piece.leader}, the leader of {task}, is gone, and this platform cannot take over")
             return

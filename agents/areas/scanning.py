@@ -109,16 +109,27 @@ class Scanning(Part):
         """Begin what was assigned, fly on, and tell how much was seen."""
         if self._due_us is None or now_us < self._due_us:
             return
-        wanted = [piece for piece in self._assignment.pieces.values() if piece.content.scan_m is not None]
-        if not wanted:
+        wanted = self._wanted(now_us)
+        if wanted is None:
             self._end(now_us)
             return
         federation_us = self._clock.federation_us(now_us)
         self._due_us = self._clock.wall_us((federation_us // PERIOD_US + 1) * PERIOD_US)
-        self._take(wanted[-1], now_us)
+        self._take(wanted, now_us)
         if self.scan is not None:
-            self._step(self.scan, wanted[-1], now_us)
+            self._step(self.scan, wanted, now_us)
             self._tell(self.scan, federation_us, now_us)
+
+    def _wanted(self, now_us: int) -> AssignedPiece | None:
+        """The piece that is scanned: a scan gives way only when its own task ends, and to one that a command centre permitted."""
+        pieces = {task: each for task, each in self._assignment.pieces.items() if each.content.scan_m is not None}
+        if self.scan is not None and self.scan.task in pieces and self._is_permitted(self.scan.task, now_us):
+            return pieces[self.scan.task]
+        permitted = [each for task, each in pieces.items() if self._is_permitted(task, now_us)]
+        return permitted[-1] if permitted else next(iter(pieces.values()), None)
+
+    def _is_permitted(self, task: str, now_us: int) -> bool:
+        return self._joined == task or bool(self._performing.permits.leaders(task, now_us))
 
     def _end(self, now_us: int) -> None:
         """The division was cancelled: the vehicle holds."""

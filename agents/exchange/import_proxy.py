@@ -18,7 +18,8 @@ from federation.sharing.ontology import Ontology
 from federation.sharing.translation import Convert, LabelConversion, Translation
 from federation.transport import WireEffect
 
-MAX_STREAMS = 4096
+MAX_STREAMS, STREAMS_OF_ONE = 4096, 64
+"""Streams that are imported, in all and of one owner."""
 _SKEWED, _CORRECTED = Standing.SKEWED, Standing.CORRECTED
 Sink: TypeAlias = Callable[[int, Value, int, Quality], None]
 """Takes valid time, value and available time of a sample into the local instance."""
@@ -69,11 +70,14 @@ class ImportProxy(Part):
         source: Callable[[str, str], tuple[Label, Convert]],
         disagreement: Callable[[str, str], str],
         platform_trust: PlatformTrust,
+        note: Callable[[str], None],
     ) -> None:
         self._network, self._ontology, self._translation = network, ontology, translation
         self._clock, self._offset_of, self._emit, self._declare = clock, offset_of, emit, source
         self.imports, self._disagreement, self._trust = imports, disagreement, platform_trust
         self._sinks: dict[tuple[str, str], Sink] = {}
+        self._note = note
+        self._crowded: set[str] = set()
         self.refused: Counter[str] = Counter()
         self.policies: dict[ImportName, Policy] = {}
         self.on_every: Callable[[str, str, int, int], None] = lambda _unit, _label, _period_us, _every: None
@@ -81,7 +85,10 @@ class ImportProxy(Part):
 
     def expect(self, owner: str, semantic_label: str, policy_hash: str, policy: Policy, now_us: int) -> None:
         """`owner` announced a stream for us: listen to it. Saying it twice is saying it once."""
-        if len(self.imports.streams) >= MAX_STREAMS or semantic_label not in self._ontology:
+        if semantic_label not in self._ontology:
+            return
+        name = owner, semantic_label, policy_hash
+        if name not in self.imports.streams and not self._has_room(owner):
             return
         if self._disagreement(owner, semantic_label):
             self.refused["label conflict"] += 1
@@ -92,6 +99,19 @@ class ImportProxy(Part):
             (owner, semantic_label, policy_hash), partial(self._deliver, imported), now_us
         ):
             self._emit(effect)
+
+    def _has_room(self, owner: str) -> bool:
+        """Whether one more stream of it is taken; what is not is counted, and noted once for each owner."""
+        of_owner = sum(name[0] == owner for name in self.imports.streams)
+        if of_owner < STREAMS_OF_ONE and len(self.imports.streams) < MAX_STREAMS:
+            return True
+        self.refused["too many streams"] += 1
+        if owner not in self._crowded and len(self._crowded) < MAX_STREAMS:
+            self._crowded.add(owner)
+            self._note(
+                f"import: {owner} announces more than the {of_owner} streams that are taken from it; they are refused"
+            )
+        return False
 
     def on_peer(self, change: PeerChange, _now_us: int) -> None:
         """A platform means something else from now on: what is no longer shared ends."""

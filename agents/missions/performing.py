@@ -10,7 +10,7 @@ from dataclasses import dataclass
 from typing import Final
 
 from agents.actions import Action, Offer, Role
-from agents.admission.mission_permits import Permits
+from agents.admission.mission_permits import Permits, leads_here
 from agents.flight.arbiter import Commander
 from agents.flight.flight import FLIGHT, FlightAgent
 from agents.flight.pilot import Pilot
@@ -21,6 +21,7 @@ from agents.tasks.life import TaskLife
 from agents.tasks.task import Task
 from dyknow.model.errors import Refused
 from federation.members.clock import FederationClock
+from federation.members.directory import DirectoryFacilitator
 from federation.messages.acts import Act
 from federation.messages.contents import (
     CommandEntry,
@@ -84,6 +85,7 @@ class Performing(Part):
         flight: FlightAgent,
         pilot: Pilot,
         tasks: TaskLife,
+        directory: DirectoryFacilitator,
         role_of: Callable[[str], Role],
         emit: Callable[[Command], None],
         note: Callable[[str], None],
@@ -91,7 +93,7 @@ class Performing(Part):
     ) -> None:
         self._unit, self._agent, self._clock, self._flight, self._pilot = unit, agent, clock, flight, pilot
         self._tasks, self._emit, self._note, self._offer = tasks, emit, note, offer
-        self.permits = Permits(unit, role_of)
+        self.permits = Permits(unit, role_of, leads_here(directory))
         self._joined: _Joined | None = None
         self._due_us = 0
         self._shown: ConditionEntry | None = None
@@ -123,7 +125,7 @@ class Performing(Part):
 
     def on_permit(self, act: Act, content: PermitMission, now_us: int) -> None:
         """`(permit-mission ...)`: let platforms lead a mission with this vehicle."""
-        self.permits.permit(content.mission, frozenset(content.leaders), now_us)
+        self.permits.permit(content.mission, content.leaders, now_us)
         self._agent.done(act, now_us)
 
     def on_join(self, act: Act, content: JoinMission, now_us: int) -> None:

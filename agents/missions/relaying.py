@@ -9,7 +9,7 @@ from functools import partial
 from typing import Final
 
 from agents.actions import COORDINATION, Action, Offer, Role
-from agents.admission.mission_permits import Permits
+from agents.admission.mission_permits import Permits, leads_here
 from agents.effects import Effect, SearchOver
 from agents.interface import InterfaceAgent
 from agents.missions.mission_texts import MissionTexts
@@ -45,7 +45,7 @@ class MissionRelay(Part):
         note: Callable[[str], None],
     ) -> None:
         self._unit, self._agent, self._directory, self._tasks, self._note = unit, agent, directory, tasks, note
-        self._permits = Permits(unit, role_of)
+        self._permits = Permits(unit, role_of, lambda before: before != unit and leads_here(directory)(before))
         self._relayed: dict[str, tuple[Act, str]] = {}
         self._reading: dict[tuple[str, str], FlyMission] = {}
         self._searches = MissionSearches(emit)

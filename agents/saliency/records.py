@@ -6,6 +6,7 @@ from anchoring.saliency.entries import PersonEntry
 from anchoring.saliency.map import SalientPlace
 from anchoring.saliency.watching import PersonLook
 from dyknow import NO_VALUE, US_PER_S, Sample, Value
+from dyknow.model.instants import LATEST_S
 from navigation.geodesy import LocalFrame
 
 PERCEPTS: Final = "person-percepts"
@@ -13,8 +14,6 @@ ENTRIES: Final = "saliency-entries"
 MAP: Final = "saliency-map"
 """Semantic labels."""
 _NOTHING: Final = float("nan")
-_LATEST_S: Final = 1e12
-"""Seconds that a time in microseconds can hold."""
 
 
 def person_look(unit: str, sample: Sample) -> PersonLook | None:
@@ -85,7 +84,7 @@ def attributes_of(place: SalientPlace, frame: LocalFrame | None) -> dict[str, An
 
 def _instant_us(seconds: Value) -> int:
     number = _number(seconds)
-    return round(number * US_PER_S) if abs(number) < _LATEST_S else -1
+    return round(number * US_PER_S) if abs(number) < LATEST_S else -1
 
 
 def _number(value: Value) -> float:

@@ -9,6 +9,7 @@ import time
 from collections.abc import Callable
 from typing import Any, NamedTuple
 
+from agents.admission.trusted import PlatformTrust
 from agents.exchange.export_proxy import ExportProxy
 from agents.exchange.import_proxy import ImportProxy
 from bench.instants import grid
@@ -42,6 +43,10 @@ _OFFSET = Offset(0, 100)
 
 def monotonic_us() -> int:
     return time.monotonic_ns() // 1000
+
+
+def _unheard(_note: str) -> None:
+    """Takes notes that nobody reads here."""
 
 
 class Exporter:
@@ -206,6 +211,8 @@ class _ImportingNode:
             self._effects.append,
             source,
             lambda _unit, _label: "",
+            PlatformTrust({}, self._network, _unheard),
+            _unheard,
         )
         self._importer.expect(OWNER, LABEL, POLICY.content_hash(), POLICY, 0)
         self._instance = Instance(self._network)

@@ -7,6 +7,7 @@ from typing import Any, Final, NamedTuple
 
 from dyknow.model.errors import NothingFound, Refused, WrongCall
 from federation import keys
+from federation.members.directory import unit_order
 from federation.messages.acts import Performative
 from federation.messages.contents import (
     AnswerQuestion,
@@ -96,23 +97,31 @@ def begin_mission(
     taking_part = list(dict.fromkeys(texts.platforms.values()))
     leaders = [client.pick(unit)[0] for unit in to or taking_part[:1]]
     name = keys.conversation(wanted.name or name_of(Path("mission"), client.now_us()))
-    trusted = tuple(dict.fromkeys((*leaders, *taking_part)))[:MOST_LEADERS]  # one of them may succeed its leader
-    for platform in taking_part:
-        if set(trusted) - {platform}:
-            permit = PermitMission(mission=name, leaders=trusted)
-            yield from _asked(client, client.pick(platform)[0], permit)
     content = FlyMission(
         mission=name, domain=wanted.domain, problem=wanted.problem, constraints=wanted.constraints,
         actions=wanted.actions, is_whole=wanted.is_whole, platforms=dict(texts.platforms), timeout_s=wanted.search_s,
     )  # fmt: skip
     if consent is not None or len(leaders) > 1:
         call = CallForMission(**{field: getattr(content, field) for field in type(content).model_fields})
-        return (yield from _called(client, call, leaders, consent or (lambda _proposals: True)))
+        return (yield from _called(client, call, leaders, taking_part, consent or (lambda _proposals: True)))
+    yield from _permit(client, name, leaders[0], taking_part)
     dialogue = client.say(leaders[0], P.REQUEST, content, within_s=AGREE_S, standing=True)
     yield Wait(lambda: bool(dialogue.said or dialogue.over), AGREE_S + GRACE_S)
     if dialogue.trouble is not None or not dialogue.said:
         raise failure_of(dialogue, "no answer in time")
     return dialogue
+
+
+def _permit(client: Client, mission: str, leader: str, taking_part: Sequence[str]) -> Job[None]:
+    """Permit its leader, and then those that succeed it in their order, the vehicles of the others.
+
+    A platform without a vehicle passes the mission on to the first that takes part.
+    """
+    first = dict.fromkeys((leader,) if leader in taking_part else (leader, *taking_part[:1]))
+    leaders = tuple(dict.fromkeys((*first, *sorted(taking_part, key=unit_order))))[:MOST_LEADERS]
+    for platform in taking_part:
+        if set(leaders) - {platform}:
+            yield from _asked(client, client.pick(platform)[0], PermitMission(mission=mission, leaders=leaders))
 
 
 def mission_of(
@@ -122,7 +131,9 @@ def mission_of(
     return begin_mission(client, MissionRequest(domain, problem, **given), [] if to is None else str(to).split(","))
 
 
-def _called(client: Client, call: CallForMission, leaders: Sequence[str], consent: Consent) -> Job[Dialogue]:
+def _called(
+    client: Client, call: CallForMission, leaders: Sequence[str], taking_part: Sequence[str], consent: Consent
+) -> Job[Dialogue]:
     """The contract net: the cheapest proposal is taken, the others are left."""
     within_s = AGREE_S + call.timeout_s
     calls = [client.say(unit, P.CFP, call, within_s=within_s, standing=True) for unit in leaders]
@@ -140,6 +151,7 @@ def _called(client: Client, call: CallForMission, leaders: Sequence[str], consen
     if not is_wanted:
         raise Refused("the plan is not consented to: nothing is flown", "no-consent")
     chosen = found[0][0]
+    yield from _permit(client, call.mission, chosen.unit, taking_part)
     client.decide(chosen, P.ACCEPT_PROPOSAL, TakeMission())
     chosen.said.clear()
     return chosen

@@ -4,8 +4,10 @@ from typing import Annotated
 
 from pydantic import AfterValidator, Field
 
+from dyknow.model.errors import Refused
 from federation.messages.contents import parts
 from federation.messages.descriptions import Count, SemanticLabel
+from navigation.areas import Area
 
 MAX_CORNERS = 32
 """Of an area that is to be divided; a piece has a few more."""
@@ -21,8 +23,19 @@ def _corner(text: str) -> str:
     return text
 
 
+def _border(corners: tuple[str, ...]) -> tuple[str, ...]:
+    """Corners that an area can be made of, whoever does so later."""
+    try:
+        Area([(float(latitude), float(longitude)) for latitude, longitude in map(str.split, corners)])
+    except Refused as refused:
+        raise ValueError(refused.reason) from None
+    return corners
+
+
 Corner = Annotated[str, Field(max_length=48), AfterValidator(_corner)]
 ScanHeight = Annotated[float, Field(ge=5, le=500)]
+Border = Annotated[tuple[Corner, ...], Field(min_length=3, max_length=MAX_CORNERS), AfterValidator(_border)]
+"""Of an area that can be divided: a polygon that does not cross itself."""
 Ring = Annotated[tuple[Corner, ...], Field(min_length=3, max_length=4 * MAX_CORNERS)]
 
 
@@ -32,7 +45,7 @@ class DivideArea(parts.Content):
     With `scan_m` each scans its piece with its cameras, flying at that height above its home.
     """
 
-    area: Annotated[tuple[Corner, ...], Field(min_length=3, max_length=MAX_CORNERS)]
+    area: Border
     sensor: SemanticLabel | None = None
     scan_m: ScanHeight | None = Field(default=None, alias="scan_m")
 
@@ -57,7 +70,7 @@ class AssignArea(parts.Content):
     area_m2: Annotated[float, Field(ge=0)] = Field(default=0.0, alias="area_m2")
     share: Annotated[float, Field(ge=0, le=1)] = 0.0
     middle: Corner = "0 0"
-    whole: Annotated[tuple[Corner, ...], Field(max_length=MAX_CORNERS)] = ()
+    whole: Border
     sensor: SemanticLabel | None = None
     scan_m: ScanHeight | None = Field(default=None, alias="scan_m")
     delegator: parts.Unit | None = None

@@ -8,8 +8,10 @@ import shapely
 from agents.areas.assignment import AreaAssignment
 from agents.areas.division import AreaDivision
 from agents.effects import Fed
+from dyknow.model.errors import ContentError
 from federation.messages.acts import Performative
-from federation.messages.contents import AreaRing, AssignArea, DivideArea, Progress, Query, Samples
+from federation.messages.contents import AreaRing, AssignArea, DivideArea, Progress, Query, Samples, read
+from federation.messages.sexpr import Expr
 from tests.box import Box, Question
 
 P = Performative
@@ -223,13 +225,24 @@ def test_of_two_successors_the_one_that_sorts_first_stays(wire):
 
 # Hostile
 
+WHOLE = ("58.40 15.60", "58.40 15.61", "58.41 15.61", "58.41 15.60")
+
+
+@pytest.mark.parametrize(
+    "whole", [None, (), WHOLE[:2], ("58.40 15.60", "58.41 15.61", "58.40 15.61", "58.41 15.60"), ("58 15",) * 3]
+)
+def test_an_assignment_whose_whole_is_no_polygon_is_not_understood(whole):
+    said = {"task": "3-x.3", "generation": 1} | ({} if whole is None else {"whole": whole})
+    with pytest.raises(ContentError, match=r"assign-area|whole"):
+        read(Expr("assign-area", said))
+
 
 def test_an_assignment_by_another_than_the_leader_is_refused_and_counted(wire):
     asked = fleet(wire, 0.8, 0.8, 0.8)
     wire.run(2)
     before = pieces(wire)
     forged = AssignArea(
-        task=asked.conversation, generation=99, rings=(AreaRing(corners=("1 1", "1 2", "2 2")),), share=1.0
+        task=asked.conversation, generation=99, rings=(AreaRing(corners=("1 1", "1 2", "2 2")),), share=1.0, whole=WHOLE
     )
     wire.speak("cc", lambda member, now_us: member.acts.tell("1", forged, now_us))
     wire.run(0.5)
@@ -245,7 +258,7 @@ def test_an_earlier_division_does_not_take_the_place_of_a_later_one(wire):
     wire.run(2)
     assignment = wire.platform("1").part(AreaAssignment)
     [(task, piece)] = assignment.pieces.items()
-    assignment.assign("0", 1, AssignArea(task=task, generation=0), wire.now_us)
+    assignment.assign("0", 1, AssignArea(task=task, generation=0, whole=WHOLE), wire.now_us)
     assert assignment.pieces[task] is piece
     assert assignment.refused == {"superseded": 1}
 
@@ -265,4 +278,5 @@ def test_what_is_no_area_is_refused(wire, corners):
     wire.join("0")
     wire.centre()
     wire.run(1)
-    assert wire.asked("cc", "0", DivideArea(area=corners)).performatives == [P.REFUSE]
+    forged = DivideArea.model_construct(area=corners)
+    assert wire.asked("cc", "0", forged).performatives == [P.NOT_UNDERSTOOD]
