@@ -95,6 +95,7 @@ class DirectoryAgent(Part):
         self._member, self._emit, self._note = member, emit, note
         self._noted: set[str] = set()
         self._impaired: dict[str, int] = {}
+        self._suspicions: dict[str, int] = {}
         self._subscribers = Subscribers(agent, tasks)
         self._members: tuple[str, ...] | None = None
         self._missing: dict[str, int] = {}
@@ -118,7 +119,8 @@ class DirectoryAgent(Part):
         self._member.take(self.facilitator.declare(offered, labels, now_us, tails, conditions, own), now_us)
 
     def conditions(self) -> Sequence[ConditionEntry]:
-        return [ConditionEntry(text=text, since_us=at_us) for text, at_us in self._impaired.items()]
+        failed = [ConditionEntry(text=text, since_us=at_us) for text, at_us in self._impaired.items()]
+        return failed + [ConditionEntry(text=text, since_us=at_us) for text, at_us in self._suspicions.items()]
 
     def on_impaired(self, event: Impaired, now_us: int) -> Followed:
         """Something of the process failed, for the rest of its life."""
@@ -214,6 +216,18 @@ class DirectoryAgent(Part):
     def on_time(self, now_us: int) -> None:
         """Judge the silent, ask for what is not known, put again what is not acknowledged, beat."""
         self._member.on_time(now_us)
+        stated = self.facilitator.suspicions
+        if stated or self._suspicions:
+            self._suspect(set(list(stated.values())[:IMPAIRED]), now_us)
+
+    def _suspect(self, texts: set[str], now_us: int) -> None:
+        """Show what single members state about sessions, while they do."""
+        if texts == self._suspicions.keys():
+            return
+        for text in sorted(texts - self._suspicions.keys()):
+            self._note_once(f"{text}: one witness is no evidence, and the session stays")
+        self._suspicions = {text: self._suspicions.get(text, now_us) for text in sorted(texts)}
+        self.offer(now_us)
 
     # -- questions and subscriptions ---------------------------------------------------------------------------
 

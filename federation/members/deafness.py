@@ -6,21 +6,27 @@ the two do not reopen in step:
 
 * others hear a peer and we have not for 4 s. If that is so of most peers, our session is the broken one: now. Else
   the greater unit of the pair goes first, after 5 s, and the lesser after 6 s if that did not help;
-* a peer does not hear us for 4 s although we hear it. Where a third platform can tell it so, it will act itself and
-  we only after 7 s;
+* peers do not hear us for 4 s although we hear them. Where a third platform can tell them so, they will act themselves
+  and we only after 7 s; one that hears nobody else acts itself;
 * a peer is heard again, but its withdrawn token is not announced again for 2 s: we gave up the link to it and have a
   new one, which it has added to the old, as Zenoh does when both sides dial and only one lease was over. So it
-  declares nothing again, and on that link questions, acts and samples go astray for good;
+  declares nothing again, and on that link questions, acts and samples go astray for good. A peer whose token is missing
+  is not listed as heard: if it is missing everywhere, the peer itself acts, and we only where others have it;
 * this process was suspended for the length of a lease, so that the others have closed their links to it, and 3 s
   after it resumes most links are not back: the peer does not hear us, we do not hear it, or its token is missing;
 * we no longer hear any peer: after 4 s if there are tokens of peers, else after 6 s.
+
+**One witness is no evidence.** What a peer states of others, or of us, counts when two state it, or one whose word counts
+alone: any peer in a federation without a roster, a command centre in one with a roster. That a peer is silent whose token
+stands is evidence of our own. What one states alone is shown (`suspicions`) and moves nobody, and each platform acts at a
+moment of its own.
 
 Reopening that does not help is repeated with growing intervals: it disturbs peers that hear each other. While this
 process is late itself, on a busy machine, it reopens nothing: a new session would add load, and messages that seem
 missing may be waiting in its own queue.
 """
 
-from collections.abc import Collection, Mapping, Sequence
+from collections.abc import Callable, Collection, Iterable, Mapping, Sequence, Set
 from zlib import crc32
 
 from federation.members.liveness import SUSPECT_US, Peer
@@ -47,10 +53,18 @@ PATIENT = 3
 
 
 class DeafnessWatchdog:
-    """Steps over the peers twice a second; `on_time` returns why to reopen, or nothing."""
+    """Steps over the peers twice a second; `on_time` returns why to reopen, or nothing.
 
-    def __init__(self, unit: str, now_us: int) -> None:
-        self.unit = unit
+    Args:
+        is_believed: whether the word of a unit counts alone.
+
+    Attributes:
+        suspicions: what a single peer states about sessions, by that peer.
+    """
+
+    def __init__(self, unit: str, now_us: int, is_believed: Callable[[str], bool] = lambda _unit: True) -> None:
+        self.unit, self._is_believed = unit, is_believed
+        self.suspicions: dict[str, str] = {}
         self._next_us = now_us + PERIOD_US
         self._late_us = now_us - CALM_US
         self._stood_us = 0
@@ -122,6 +136,7 @@ class DeafnessWatchdog:
         if not heard:
             self._forget()
             return self._alone(peers.values(), now_us)
+        self.suspicions.clear()
         if self._is_settled(peers, heard):
             return None
         deaf_us = self._deaf_us(peers, heard, now_us)
@@ -132,14 +147,34 @@ class DeafnessWatchdog:
                 return f"others hear {unit} and {len(deaf_us) - 1} more, this session does not"
             if silent_us >= (FIRST_US if self.unit > unit else SECOND_US):
                 return f"others hear {unit}, this session does not"
+        return self._astray(peers, heard, now_us) or self._unheard(peers, hearing_us, unlisted_us, heard)
+
+    def _astray(self, peers: Mapping[str, Peer], heard: set[str], now_us: int) -> str | None:
+        """Whether a peer that is heard has no token here, though it has one at others."""
         for unit in sorted(heard):
-            if _untold_for_us(peers[unit], now_us) >= ASTRAY_US:
+            if _untold_for_us(peers[unit], now_us) < ASTRAY_US:
+                continue
+            witnesses = {third for third in heard - {unit} if unit in peers[third].hears}
+            if self._is_evidence({*witnesses, unit} if self._is_believed(unit) else witnesses):
                 return f"{unit} is heard, but knows this session as another"
-        for unit, silent_us in sorted(unlisted_us.items()):
-            if silent_us >= MOST_US:
-                told = not hearing_us.isdisjoint(peers[unit].hears)
-                if silent_us >= BACKUP_US or not told:
-                    return f"{unit} does not hear this session"
+            self.suspicions[unit] = f"{unit} is heard and has no token, here and at others"
+        return None
+
+    def _unheard(
+        self, peers: Mapping[str, Peer], hearing: set[str], unlisted_us: Mapping[str, int], heard: set[str]
+    ) -> str | None:
+        """Whether this session is not heard by peers that it hears."""
+        late_us = self._spread_us
+        units = set()
+        for unit, silent_us in unlisted_us.items():
+            told = not hearing.isdisjoint(peers[unit].hears)
+            if silent_us >= (BACKUP_US if told else MOST_US) + late_us:
+                units.add(unit)
+        if self._is_evidence(units):
+            named = ", ".join(sorted(units)[:4])
+            return f"this session is not heard by {named}"
+        for unit in units:
+            self.suspicions[unit] = f"{unit} states alone that it does not hear this session"
         if not unlisted_us and self._mentioned_us.keys() <= heard:
             self._settled = {unit: peers[unit].hears for unit in heard}
         return None
@@ -152,25 +187,39 @@ class DeafnessWatchdog:
         )
 
     def _forget(self) -> None:
+        self.suspicions.clear()
         self._mentioned_us.clear()
         self._unlisted_us.clear()
         self._settled.clear()
 
     def _deaf_us(self, peers: Mapping[str, Peer], heard: set[str], now_us: int) -> dict[str, int]:
         """For each unit that others hear and we do not: for how long."""
-        mentioned = set[str]().union(*(peers[third].hears for third in heard))
-        mentioned.discard(self.unit)
-        for_us = self._note(self._mentioned_us, mentioned, now_us)
+        witnesses: dict[str, set[str]] = {}
+        for third in heard:
+            for unit in peers[third].hears:
+                witnesses.setdefault(unit, set()).add(third)
+        witnesses.pop(self.unit, None)
+        for_us = self._note(self._mentioned_us, witnesses.keys(), now_us)
         found: dict[str, int] = {}
-        for unit in mentioned - heard:
+        for unit in witnesses.keys() - heard:
             peer = peers.get(unit)
             if peer is not None and peer.left:
+                continue
+            if not (self._is_evidence(witnesses[unit]) or (peer is not None and peer.seq >= 0 and peer.tokens)):
+                if for_us[unit] >= MOST_US:
+                    [one] = witnesses[unit]
+                    self.suspicions[one] = f"{one} states alone that it hears {unit}, which is silent here"
                 continue
             silent_us = now_us - (peer.heard_us if peer is not None else 0)
             found[unit] = min(for_us[unit], silent_us, now_us - self._opened_us)
         return found
 
-    def _note(self, since_us: dict[str, int], current: set[str], now_us: int) -> dict[str, int]:
+    def _is_evidence(self, witnesses: Iterable[str]) -> bool:
+        """Two witnesses, or one whose word counts alone."""
+        units = set(witnesses)
+        return len(units) > 1 or any(map(self._is_believed, units))
+
+    def _note(self, since_us: dict[str, int], current: Set[str], now_us: int) -> dict[str, int]:
         """Keep since when each of `current` has been among them; returns for how long."""
         for unit in since_us.keys() - current:
             del since_us[unit]

@@ -6,7 +6,7 @@ Private services leave their platform neither as tokens nor in the description.
 """
 
 from collections import Counter
-from collections.abc import Iterable, Iterator, Mapping, Sequence
+from collections.abc import Callable, Iterable, Iterator, Mapping, Sequence
 from itertools import count
 from typing import Literal, NamedTuple, TypeAlias
 
@@ -68,7 +68,8 @@ class DirectoryFacilitator:
     """Own entry, replicas of the others, liveness, heartbeat and deafness watchdog of one platform.
 
     Every step returns effects and events. `tails` are those of the platform's exports, for the heartbeat. `goes_on` is
-    `on_heartbeat` for those that tell nothing new, nearly all: whether this is one.
+    `on_heartbeat` for those that tell nothing new, nearly all: whether this is one. `is_believed`: whether the word of a
+    unit about sessions counts alone.
 
     Attributes:
         is_busy: this machine has too much to do; what seems lost may only be late, and no session is opened again.
@@ -85,6 +86,7 @@ class DirectoryFacilitator:
         questions: Iterator[int] | None = None,
         clock: FederationClock | None = None,
         roster: str | None = None,
+        is_believed: Callable[[str], bool] = lambda _unit: True,
     ) -> None:
         self.unit, self.boot, self.kind, self.zid = keys.unit(unit), boot, kind, zid or f"{boot:x}"
         self.version = 1
@@ -93,7 +95,7 @@ class DirectoryFacilitator:
         self._peers = self._liveness.peers
         self.goes_on = self._liveness.goes_on
         self._replicas = Replicas(self._peers, questions or count(1), self._clock, roster)
-        self._watchdog = DeafnessWatchdog(unit, now_us)
+        self._watchdog = DeafnessWatchdog(unit, now_us, is_believed)
         self.is_busy = False
         self._offers = NO_OFFERS
         self._conditions: tuple[ConditionEntry, ...] = ()
@@ -108,6 +110,11 @@ class DirectoryFacilitator:
     def refused(self) -> Counter[str]:
         """Descriptions that were not taken over, by reason."""
         return self._replicas.refused
+
+    @property
+    def suspicions(self) -> Mapping[str, str]:
+        """What a single peer states about sessions, by that peer; it moves nobody."""
+        return self._watchdog.suspicions
 
     # Own entry
 

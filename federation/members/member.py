@@ -96,7 +96,15 @@ class Member:
             questions=self._questions,
             clock=self.clock,
             roster=roster,
+            is_believed=self._is_believed,
         )
+
+    def _is_believed(self, unit: str) -> bool:
+        """Whether what a unit states about the sessions of others counts alone."""
+        if self.trust is None:
+            return True
+        member = self.trust.roster.member(unit)
+        return member is not None and member.role == "command-centre"
 
     # -- coming and going --------------------------------------------------------------------------------------
 
