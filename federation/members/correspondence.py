@@ -14,7 +14,15 @@ from federation.messages.acts import Act, AgentName, Performative
 from federation.messages.codec import decode_act, encode_act
 from federation.messages.conversations import Conversations, Outcome
 from federation.messages.protocols import OPENING, PROTOCOLS, Incoming, PeerLost, Reply, TimedOut, Undelivered
-from federation.messages.receipts import RECEIPT_AGENT, decode_receipt
+from federation.messages.receipts import (
+    RECEIPT_AGENT,
+    Receipt,
+    decode_receipt,
+    decode_signed,
+    encode_receipt,
+    encode_signed,
+    signed_bytes,
+)
 from federation.security.trust import Trust
 from federation.transport import Arrived, Put
 
@@ -77,7 +85,7 @@ class Correspondence:
         trust: Trust | None = None,
     ) -> None:
         self.unit = unit
-        self.conversations = Conversations(unit, boot, self._encoded)
+        self.conversations = Conversations(unit, boot, self._encoded, self._receipt_bytes)
         self._agents, self._audit, self._emit = agents, audit, emit
         self._offset_us_of, self._trust = offset_us_of, trust
         self._now_us = 0
@@ -90,6 +98,11 @@ class Correspondence:
         payload = encode_act(act, None if self._trust is None else self._trust.signer)
         self._audit(self._now_us, "out", act.receiver.unit, act, "sent")
         return payload
+
+    def _receipt_bytes(self, receiver: str, receipt: Receipt) -> bytes:
+        if self._trust is None:
+            return encode_receipt(receipt)
+        return encode_signed(receiver, receipt, self._trust.signer)
 
     def ask(
         self,
@@ -211,7 +224,7 @@ class Correspondence:
         self._now_us = now_us
         try:
             if key.agent == RECEIPT_AGENT:
-                self.conversations.on_receipt(key.sender, decode_receipt(event.payload), now_us)
+                self.conversations.on_receipt(key.sender, self._receipt(key.sender, event.payload), now_us)
                 return False
             act, signature, body = decode_act(event.payload)
         except DecodeError as error:
@@ -230,6 +243,15 @@ class Correspondence:
                 return True
         self.on_act(act, now_us)
         return True
+
+    def _receipt(self, sender: str, payload: bytes) -> Receipt:
+        """What a unit has received; raises DecodeError if it did not sign it, where there is a roster."""
+        if self._trust is None:
+            return decode_receipt(payload)
+        receipt, signature, body = decode_signed(payload)
+        if not self._trust.verifier.is_genuine(sender, signature, signed_bytes(self.unit, body)):
+            raise DecodeError("forged")
+        return receipt
 
     def on_act(self, act: Act, now_us: int) -> None:
         """An act whose sender is verified."""

@@ -26,7 +26,8 @@ process is late itself, on a busy machine, it reopens nothing: a new session wou
 missing may be waiting in its own queue.
 """
 
-from collections.abc import Callable, Collection, Iterable, Mapping, Sequence, Set
+from collections.abc import Callable, Collection, Iterable, Mapping, Sequence
+from collections.abc import Set as AbstractSet
 from zlib import crc32
 
 from federation.members.liveness import SUSPECT_US, Peer
@@ -219,7 +220,7 @@ class DeafnessWatchdog:
         units = set(witnesses)
         return len(units) > 1 or any(map(self._is_believed, units))
 
-    def _note(self, since_us: dict[str, int], current: Set[str], now_us: int) -> dict[str, int]:
+    def _note(self, since_us: dict[str, int], current: AbstractSet[str], now_us: int) -> dict[str, int]:
         """Keep since when each of `current` has been among them; returns for how long."""
         for unit in since_us.keys() - current:
             del since_us[unit]

@@ -88,8 +88,14 @@ class _Pending:
 class Delivery:
     """Numbers, puts and repeats own acts, and acknowledges those of others. Times are the node clock."""
 
-    def __init__(self, unit: str, boot: int, encode: Callable[[Act], bytes]) -> None:
-        self.unit, self.boot = unit, boot
+    def __init__(
+        self,
+        unit: str,
+        boot: int,
+        encode: Callable[[Act], bytes],
+        receipt_bytes: Callable[[str, Receipt], bytes] = lambda _receiver, receipt: encode_receipt(receipt),
+    ) -> None:
+        self.unit, self.boot, self._receipt_bytes = unit, boot, receipt_bytes
         self.counts: Counter[str] = Counter()
         self._encode = encode
         self._seq = 0
@@ -171,7 +177,7 @@ class Delivery:
         if not self._owed:
             return []
         puts = [
-            Put(receipt_key(unit, self.unit), encode_receipt(Receipt(boot, seqs)), Urgency.ACT)
+            Put(receipt_key(unit, self.unit), self._receipt_bytes(unit, Receipt(boot, seqs)), Urgency.ACT)
             for unit, (boot, seqs) in self._owed.items()
         ]
         self._owed.clear()

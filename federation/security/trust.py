@@ -291,6 +291,11 @@ class Verifier:
             self.accepted_us[member.unit] = max(act.created_us, self.accepted_us.get(member.unit, 0))
         return refusal
 
+    def is_genuine(self, unit: str, signature: Signature, signed: bytes) -> bool:
+        """Whether a member that is not revoked signed these bytes, in this federation."""
+        member = self.roster.member(unit)
+        return member is not None and not member.revoked and self._is_genuine(member.key, signature, signed)
+
     def _is_genuine(self, key: bytes, signature: Signature, body: bytes) -> bool:
         from cryptography.exceptions import InvalidSignature
         from cryptography.hazmat.primitives.asymmetric.ed25519 import Ed25519PublicKey
