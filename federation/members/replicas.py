@@ -192,7 +192,7 @@ class Replicas:
         return None
 
 
-@lru_cache(maxsize=1024)
+@lru_cache(maxsize=64)
 def _offered(
     services: tuple[ServiceEntry, ...], labels: tuple[LabelEntry, ...], definitions: tuple[DefinitionEntry, ...]
 ) -> Offers:

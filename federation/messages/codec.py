@@ -23,9 +23,13 @@ from federation.messages import unpacking
 from federation.messages.acts import PERFORMATIVES, Act, AgentName
 from federation.messages.descriptions import Description
 from federation.messages.sexpr import MAX_DEPTH, MAX_INTEGER, MIN_INTEGER, Expr, ExprValue, QuotedText, is_name
-from federation.messages.unpacking import named, pack
+from federation.messages.unpacking import kept, named, pack
 
 MAX_ACKS: Final = 256
+MAX_TAILS: Final = 64
+"""Streams whose newest number a heartbeat says; of more, others in the next one."""
+KEPT_BYTES, MAX_DESCRIPTION_KEPT = 4_096, 16_384
+"""Longest payloads of which what they say is kept for the other members of the process."""
 MAX_RIDERS, MAX_EVERY = 16, 16
 
 Signature: TypeAlias = bytes
@@ -308,7 +312,7 @@ def _packed(samples: Sequence[StreamSample]) -> list[tuple[Any, ...]]:
     ]
 
 
-@lru_cache(maxsize=256)
+@kept(256, KEPT_BYTES)
 def decode_samples(payload: bytes) -> StreamedSamples:
     """What was put on the key of a stream; raises DecodeError. Read once for all in a process."""
     boot, samples, *more = unpacking.versioned(unpacking.unpack(payload), 2, 4)
@@ -374,7 +378,7 @@ def decode_heartbeat(payload: bytes) -> Heartbeat:
     unit, boot, seq, wall_us, description, hears, tails = unpacking.array(payload, 7)
     if not all(type(name) is str for name in unpacking.items(hears)):
         unpacking.fail("name")
-    for tail in unpacking.items(tails):
+    for tail in unpacking.items(tails, MAX_TAILS):
         unpacking.fields(tail, 3)
         if type(tail[0]) is not str or type(tail[1]) is not str:
             unpacking.fail("name")
@@ -383,14 +387,14 @@ def decode_heartbeat(payload: bytes) -> Heartbeat:
     return Heartbeat(named(keys.unit, unit), *numbers, _heard(hears), _tails(boot, tails))
 
 
-@lru_cache(maxsize=1024)
+@lru_cache(maxsize=128)
 def _heard(units: tuple[str, ...]) -> tuple[str, ...]:
     for name in units:
         named(keys.unit, name)
     return units
 
 
-@lru_cache(maxsize=1024)
+@lru_cache(maxsize=512)
 def _tails(_boot: int, tails: tuple[tuple[str, str, int], ...]) -> tuple[tuple[str, str, int], ...]:
     """Those of another life are another object."""
     for label, policy_hash, _ in tails:
@@ -403,7 +407,7 @@ def encode_description(description: Description) -> bytes:
     return pack((unpacking.VERSION, description.model_dump()))
 
 
-@lru_cache(maxsize=1024)
+@kept(96, MAX_DESCRIPTION_KEPT)
 def decode_description(payload: bytes) -> Description:
     (found,) = unpacking.array(payload, 1)
     try:
