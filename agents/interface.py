@@ -8,8 +8,8 @@ node clock.
 from collections.abc import Callable, Sequence
 from typing import TypeVar
 
-from agents.admission.containment import Containment, place_of
 from agents.audit_log import AuditLog
+from agents.containment import Containment, place_of
 from agents.part import ClockCompared, PeerChange
 from dyknow.model.errors import Refused
 from federation.members.correspondence import OnSilence

@@ -15,7 +15,6 @@ from typing import Any, TypeVar
 
 from agents.actions import ROLES, Role
 from agents.admission.admission import Admission
-from agents.admission.containment import Containment
 from agents.admission.limits import ActLimits
 from agents.admission.message_log import MessageLog
 from agents.admission.trusted import PlatformTrust
@@ -31,6 +30,7 @@ from agents.calls.bids import Bids
 from agents.calls.calls import Calls
 from agents.cameras.cameras import Cameras
 from agents.config import PlatformConfig
+from agents.containment import Containment
 from agents.cooperation.cooperation import Cooperation
 from agents.cooperation.handover import Handover
 from agents.directory.directory import DirectoryAgent

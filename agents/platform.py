@@ -11,8 +11,8 @@ from functools import partial
 from typing import Any, TypeVar
 
 from agents.actions import Role
-from agents.admission.containment import Containment, place_of, sender_of
 from agents.config import PlatformConfig
+from agents.containment import Containment, place_of, sender_of
 from agents.deadlines import EarliestDeadline
 from agents.effects import Effect, Event, Note
 from agents.part import NOT_MINE, Followed, Handler, Part, PeerChange, overrides
@@ -248,7 +248,7 @@ class Platform:
         return self._first((handler,), event, now_us)
 
     def _end_question(self, event: Event) -> None:
-        """Whoever asked what could not be taken is not left waiting."""
+        """A question that could not be taken ends: its requester does not wait."""
         if isinstance(event, Asked):
             self._out.append(AnswerEnd(event.ask))
 

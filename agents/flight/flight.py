@@ -4,7 +4,7 @@ from collections.abc import Callable, Iterable, Mapping, Sequence
 from typing import Final
 
 from agents.actions import QUERIED, Action, Offer, Role
-from agents.admission.containment import Containment
+from agents.containment import Containment
 from agents.effects import Effect, InjectFault, Reported
 from agents.exchange.local_instance import LocalInstance
 from agents.flight.arbiter import Commander, in_words

@@ -7,7 +7,7 @@ noted here and reported to the delegator of the task. Times are the node clock.
 from collections.abc import Callable, Iterable
 
 from agents.actions import COORDINATION, Action, Offer
-from agents.admission.containment import Containment
+from agents.containment import Containment
 from agents.exchange.gateway import Gateway
 from agents.flight.avoidance import WOULD_HOLD, Avoidance
 from agents.flight.encounters import (

@@ -11,7 +11,7 @@ from dataclasses import dataclass, field
 from functools import partial
 from typing import TypeAlias
 
-from agents.admission.containment import Containment
+from agents.containment import Containment
 from agents.monitoring.monitor_plans import MonitorPlan, StateMaker
 from agents.monitoring.taps import Feed, Tap
 from dyknow import Label, Network, Policy, Sample, SharedState, SharedSynchronizer, Strand, earlier

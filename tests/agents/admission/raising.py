@@ -7,7 +7,7 @@ from typing import Any
 
 import pytest
 
-from agents.admission.containment import place_of
+from agents.containment import place_of
 from agents.interface import InterfaceAgent
 from agents.part import Part
 from agents.parts import PARTS

@@ -5,7 +5,7 @@ from typing import Any
 import pytest
 
 from agents.admission.admission import Admission
-from agents.admission.containment import DEAF_US, QUIET_US, TRIES
+from agents.containment import DEAF_US, QUIET_US, TRIES
 from agents.flight.flight import FlightAgent
 from agents.monitoring.unit_monitoring import UnitMonitoring
 from agents.shedding import Shedding

@@ -2,7 +2,7 @@
 
 A part whose step by time raises is left out for a second, a stream whose consumer raises, too; after three times within a
 minute each is out, and tried again each minute. Parts without which vehicles are not kept apart, or the platform is deaf, are
-`vital`: they are left out for a tenth of a second only, however often they raise. No part is built anew: it continues
+`vital`: they are left out for a tenth of a second only, however often they raise. No part is rebuilt: it continues
 with the state it has. What has not failed for a little more than a minute is no longer impaired, which is noted.
 
 Three failures within a minute over acts of one member, and its acts are refused for a minute. Only what it signed
@@ -39,7 +39,7 @@ _SHOWN, _MAX_TEXT = 5, 160
 
 @dataclass(slots=True)
 class Impairment:
-    """A place that raised: where and what, how often, since when; over what of whom (empty: of several, or of nobody)."""
+    """A place that raised: where and what, how often, since when; and over the messages of one unit (empty: of several, or of none)."""
 
     text: str
     over: str
@@ -64,7 +64,7 @@ class Containment:
     Args:
         note: takes words for users.
         now_us: the time of the present step.
-        cause: the unit that sent what is being looked at; empty: nobody did.
+        cause: the unit that sent what is being looked at; empty: it was none.
         may_silence: whether acts of that unit are signed, and may be refused.
         is_on: False: what is raised is not caught, as tests want it.
 
@@ -72,7 +72,7 @@ class Containment:
         failures: how often a place raised.
         senders: how often that was over what a member sent.
         impaired: what is shown, by place.
-        is_news: whether anything was caught; whoever looks sets it back.
+        is_news: whether anything was caught; `Platform.settle` resets it.
     """
 
     def __init__(
@@ -93,7 +93,7 @@ class Containment:
         self._refused_us: dict[str, int] = {}
         self.is_news = False
         self._said: tuple[str, ...] = ()
-        self._told_us: int | None = None
+        self._announced_us: int | None = None
 
     # -- what raises -------------------------------------------------------------------------------------------
 
@@ -198,16 +198,16 @@ class Containment:
 
     @property
     def deadline_us(self) -> int | None:
-        """When what is shown is to be told, or changes by time; None: nothing is impaired."""
+        """When what is shown is to be announced, or changes by time; None: nothing is impaired."""
         if not self.impaired and not self._refused_us and not self._said:
             return None
         ends_us = [found.last_us + QUIET_US for found in self.impaired.values()] + list(self._refused_us.values())
-        if self._told_us is None or self._texts() != self._said:
-            ends_us.append(0 if self._told_us is None else self._told_us + OFFER_US)
+        if self._announced_us is None or self._texts() != self._said:
+            ends_us.append(0 if self._announced_us is None else self._announced_us + OFFER_US)
         return min(ends_us, default=None)
 
     def on_time(self, now_us: int) -> bool:
-        """Forget what has not failed for long; whether what is shown is to be told anew."""
+        """Forget what has not failed for long; whether what is shown is to be announced again."""
         for where, found in [*self.impaired.items()]:
             if now_us >= found.last_us + QUIET_US:
                 del self.impaired[where]
@@ -216,9 +216,9 @@ class Containment:
             del self._refused_us[unit]
             self._note(f"acts of {unit} are let in again")
         texts = self._texts()
-        if texts == self._said or (self._told_us is not None and now_us < self._told_us + OFFER_US):
+        if texts == self._said or (self._announced_us is not None and now_us < self._announced_us + OFFER_US):
             return False
-        self._said, self._told_us = texts, now_us
+        self._said, self._announced_us = texts, now_us
         return True
 
     def _texts(self) -> tuple[str, ...]:
@@ -230,7 +230,7 @@ class Containment:
             text = f"impaired: acts of {unit} are refused for a minute: parts failed over them"
             yield ConditionEntry(text=text, since_us=max(0, until_us - DEAF_US))
         if len(self.impaired) > _SHOWN:
-            text = f"impaired: {len(self.impaired)} places, of which the newest {_SHOWN} are listed"
+            text = f"impaired: {len(self.impaired)} places; the newest {_SHOWN} are listed"
             yield ConditionEntry(text=text, since_us=min(max(0, found.since_us) for found in self.impaired.values()))
         for found in list(self.impaired.values())[: -_SHOWN - 1 : -1]:
             over = f", over what {found.over} sent" if found.over else ""
