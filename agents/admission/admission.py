@@ -8,8 +8,8 @@ from collections.abc import Callable, Sequence
 from typing import Any, TypeAlias
 
 from agents.actions import Action, Role, ServiceTable
-from agents.admission.containment import Containment
 from agents.admission.limits import ActLimits
+from agents.containment import Containment, place_of
 from agents.interface import InterfaceAgent
 from agents.part import ClockCompared, Followed, Part, PeerChange
 from dyknow.model import errors
@@ -63,6 +63,7 @@ class Admission(Part):
         ContentError: two parts understand the same content.
     """
 
+    vital = True
     arrivals = {"acl": "on_act"}  # noqa: RUF012  (a declaration)
 
     def __init__(
@@ -125,7 +126,7 @@ class Admission(Part):
                     comes_to(self._consider(act, now_us))
             else:
                 opening = interface.lost.pop(0)
-                any(part.on_lost(opening, now_us) for part in self._parts)
+                any(self._contain.call(part.on_lost, opening, now_us, otherwise=False) for part in self._parts)
 
     def _consider(self, act: Act, now_us: int) -> str:
         """Do what the act asks for, or answer why not; returns the outcome in words."""
@@ -139,11 +140,9 @@ class Admission(Part):
         except errors.DyknowError as wrong:
             self._answer(act, P.REFUSE, wrong, now_us)
             return f"{wrong.code.replace('-', ' ') if isinstance(wrong, Denied) else 'refused'}: {wrong}"
-        except Exception as wrong:
-            if not self._contain.is_on:
-                raise
+        except Exception as wrong:  # noqa: BLE001  (contained)
             head = "cancel" if act.content is None else act.content.head
-            self._contain.caught(f"({head} ...)", wrong, now_us, act.sender.unit)
+            self._contain.caught(f"({head} ...)", wrong, act.sender.unit, by_act=True)
             failed = errors.Refused(
                 f"({head} ...) failed here: {type(wrong).__name__}; the platform continues", "failed"
             )
@@ -163,6 +162,8 @@ class Admission(Part):
             Denied, ContentError, and what the part that handles it raises.
         """
         sender = act.sender.unit
+        if not self._contain.is_heard(sender):
+            raise Denied(f"acts of {sender} made parts of {self._unit} fail: none is taken for a minute", "not-heard")
         if not self._limits.admit(sender, now_us):
             raise Denied(f"too many acts from {sender}; ask more slowly", "too-many-acts")
         if act.reply_to is not None and act.reply_to.unit != sender:
@@ -197,11 +198,20 @@ class Admission(Part):
         raise Denied(f"an observer may ask and subscribe, but not for ({action.head} ...)", "role")
 
     def _cancel(self, act: Act, now_us: int) -> None:
-        if any(part.on_cancel(act, now_us) for part in self._parts):
-            self._interface.answer(act, P.INFORM, Done(), now_us)
-        else:
-            text = f"no task {act.conversation_id} on this platform"
-            self._interface.answer(act, P.FAILURE, Reason(text=text, code="unknown-task"), now_us)
+        reason = Reason(text=f"no task {act.conversation_id} on this platform", code="unknown-task")
+        for part in self._parts:
+            try:
+                is_ended = part.on_cancel(act, now_us)
+            except errors.DyknowError:
+                raise
+            except Exception as wrong:  # noqa: BLE001  (contained)
+                self._contain.caught(place_of(part.on_cancel), wrong, act.sender.unit)
+                reason = Reason(text=f"(cancel) failed here: {type(wrong).__name__}", code="failed")
+            else:
+                if is_ended:
+                    self._interface.answer(act, P.INFORM, Done(), now_us)
+                    return
+        self._interface.answer(act, P.FAILURE, reason, now_us)
 
 
 def _handler(part: Part, action: Action) -> Handler:

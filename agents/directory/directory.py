@@ -8,6 +8,7 @@ from typing import Final
 
 from agents.actions import FEDERATION, QUERIED, SUBSCRIBED, Action, Offer, Role
 from agents.admission.message_log import ACCOUNT
+from agents.containment import Containment
 from agents.effects import Effect, Halt, Impaired, LeaveRequested
 from agents.interface import InterfaceAgent
 from agents.part import ClockCompared, Followed, Part, PeerChange
@@ -51,8 +52,10 @@ class DirectoryAgent(Part):
         ontology: what labels mean here; what not every platform has is announced.
         fed: the parts that imported samples may make due earlier.
         emit, note: take effects, and words for users.
+        contain: lets it beat though something else of the member raises.
     """
 
+    vital = True
     offers = (
         Offer(
             DIRECTORY,
@@ -89,7 +92,9 @@ class DirectoryAgent(Part):
         fed: tuple[Part, ...],
         emit: Callable[[Effect], None],
         note: Callable[[str], None],
+        contain: Containment,
     ) -> None:
+        self._contain = contain
         self.facilitator, self._agent, self._offered, self._labels = member.directory, agent, offered, labels
         self._conditions, self._ontology = conditions, ontology
         self._member, self._emit, self._note = member, emit, note
@@ -215,7 +220,8 @@ class DirectoryAgent(Part):
 
     def on_time(self, now_us: int) -> None:
         """Judge the silent, ask for what is not known, put again what is not acknowledged, beat."""
-        self._member.on_time(now_us)
+        for step in self._member.steps:
+            self._contain.step(self, step, now_us)
         stated = self.facilitator.suspicions
         if stated or self._suspicions:
             self._suspect(set(list(stated.values())[:IMPAIRED]), now_us)

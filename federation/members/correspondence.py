@@ -180,6 +180,11 @@ class Correspondence:
         self._now_us = now_us
         self._handle(self.conversations.cancel(conversation, unit, now_us), now_us)
 
+    def give_up(self, unit: str, conversation: str, now_us: int) -> None:
+        """End our request to `unit`; no further answer is taken."""
+        self._pending.pop(conversation, None)
+        self.cancel(unit, conversation, now_us)
+
     def cancel_task(
         self,
         unit: str,

@@ -19,7 +19,7 @@ the two do not reopen in step:
 **One witness is no evidence.** What a peer states of others, or of us, counts when two state it, or one whose word counts
 alone: any peer in a federation without a roster, a command centre in one with a roster. That a peer is silent whose token
 stands is evidence of our own. What one states alone is shown (`suspicions`) and moves nobody, and each platform acts at a
-moment of its own.
+moment of its own. Where a single peer is all that is heard, its word counts too: a new session disturbs no other link.
 
 Reopening that does not help is repeated with growing intervals: it disturbs peers that hear each other. While this
 process is late itself, on a busy machine, it reopens nothing: a new session would add load, and messages that seem
@@ -206,7 +206,9 @@ class DeafnessWatchdog:
             peer = peers.get(unit)
             if peer is not None and peer.left:
                 continue
-            if not (self._is_evidence(witnesses[unit]) or (peer is not None and peer.seq >= 0 and peer.tokens)):
+            was_heard = peer is not None and peer.seq >= 0
+            is_own = was_heard and (bool(peer and peer.tokens) or witnesses[unit] == heard)
+            if not (is_own or self._is_evidence(witnesses[unit])):
                 if for_us[unit] >= MOST_US:
                     [one] = witnesses[unit]
                     self.suspicions[one] = f"{one} states alone that it hears {unit}, which is silent here"

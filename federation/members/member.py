@@ -169,9 +169,23 @@ class Member:
 
     def on_time(self, now_us: int) -> None:
         """Send heartbeats, acts that were not acknowledged and questions, as they are due."""
-        for ask in (*self.imports.on_time(now_us), *self.offsets.on_time(now_us)):
+        for step in self.steps:
+            step(now_us)
+
+    @property
+    def steps(self) -> tuple[Callable[[int], None], ...]:
+        """What `on_time` does, one after the other; none needs another."""
+        return self._recover, self._compare_clocks, self.acts.on_time, self._beat
+
+    def _recover(self, now_us: int) -> None:
+        for ask in self.imports.on_time(now_us):
             self._emit(ask)
-        self.acts.on_time(now_us)
+
+    def _compare_clocks(self, now_us: int) -> None:
+        for ask in self.offsets.on_time(now_us):
+            self._emit(ask)
+
+    def _beat(self, now_us: int) -> None:
         tails = self.tails() if self.directory.beats_at(now_us) else ()
         self.take(self.directory.on_time(now_us, tails), now_us)
 

@@ -16,6 +16,7 @@ def fleet(seed: int) -> Box:
     wire = Box(seed)
     for number in range(3):
         wire.join(str(number), Vehicle(north_m=500.0 * number), trust=trust(str(number)))
+    wire.centre("cc", trust=trust("cc"))
     wire.run(2)
     return wire
 
