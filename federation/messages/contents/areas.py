@@ -37,6 +37,7 @@ ScanHeight = Annotated[float, Field(ge=5, le=500)]
 Border = Annotated[tuple[Corner, ...], Field(min_length=3, max_length=MAX_CORNERS), AfterValidator(_border)]
 """Of an area that can be divided: a polygon that does not cross itself."""
 Ring = Annotated[tuple[Corner, ...], Field(min_length=3, max_length=4 * MAX_CORNERS)]
+"""Of a piece: what is left of an area after cuts, a sliver as well."""
 
 
 class DivideArea(parts.Content):
@@ -65,10 +66,10 @@ class AssignArea(parts.Content):
     """
 
     task: parts.Conversation
-    generation: Count
+    generation: parts.Generation
     rings: Annotated[tuple[AreaRing, ...], Field(max_length=MAX_CORNERS)] = ()
-    area_m2: Annotated[float, Field(ge=0)] = Field(default=0.0, alias="area_m2")
-    share: Annotated[float, Field(ge=0, le=1)] = 0.0
+    area_m2: parts.SquareMetres = Field(default=0.0, alias="area_m2")
+    share: parts.Share = 0.0
     middle: Corner = "0 0"
     whole: Border
     sensor: SemanticLabel | None = None

@@ -177,7 +177,9 @@ class HostileFederation:
     def _specify(self, name: str) -> None:
         ready = READY[name]
         folder, text = ready.file.parent, ready.file.read_text("utf-8")
-        named = tuple((path, (folder / path).read_text("utf-8")) for path in ("turns.chr", "world.toml") if path in text)
+        named = tuple(
+            (path, (folder / path).read_text("utf-8")) for path in ("turns.chr", "world.toml") if path in text
+        )
         for unit in HONEST:
             event = Specify(self.world.now_us, text, ready.file.name, named)
             self.world._reach(self.world.nodes[unit], event)
@@ -256,7 +258,9 @@ class HostileFederation:
         if random.random() < 0.1:
             return random.choice(list(P))
         if answers is not None:
-            return random.choice((P.AGREE, P.INFORM, P.INFORM, P.REFUSE, P.FAILURE, P.PROPOSE, P.NOT_UNDERSTOOD, P.CONFIRM))
+            return random.choice(
+                (P.AGREE, P.INFORM, P.INFORM, P.REFUSE, P.FAILURE, P.PROPOSE, P.NOT_UNDERSTOOD, P.CONFIRM)
+            )
         if random.random() < 0.05:
             return P.CANCEL
         return random.choice(self._taken.get(content.head, (P.INFORM, P.INFORM, P.REQUEST, P.PROPOSE)))
