@@ -300,8 +300,7 @@ def quality(certainty: Any, covariance: Any) -> bool:
         and _is(list, covariance)
         and len(covariance) <= 16
         and all(
-            _is(list, row) and len(row) == len(covariance) and all(number(each) for each in row)
-            for row in covariance
+            _is(list, row) and len(row) == len(covariance) and all(number(each) for each in row) for row in covariance
         )
     )
 

@@ -93,7 +93,8 @@ class Drawing:
     def _value(self, name: str, kind: Any, metadata: tuple[Any, ...]) -> Any:
         origin, arguments = get_origin(kind), get_args(kind)
         if origin is Annotated:
-            return self._value(name, arguments[0], (*metadata, *arguments[1:]))
+            within = (one for each in arguments[1:] for one in getattr(each, "metadata", (each,)))
+            return self._value(name, arguments[0], (*metadata, *within))
         if origin in {Union, UnionType}:
             return self._value(name, self.random.choice(arguments), metadata)
         if origin is Literal:
@@ -126,7 +127,9 @@ class Drawing:
     def _list(self, name: str, arguments: tuple[Any, ...], metadata: tuple[Any, ...]) -> tuple[Any, ...]:
         if arguments[-1] is not Ellipsis:
             return tuple(self._value(name, each, ()) for each in arguments)
-        most = min((each.max_length for each in metadata if hasattr(each, "max_length")), default=_LISTED.get(name, 64))
+        most = min(
+            (each.max_length for each in metadata if getattr(each, "max_length", None)), default=_LISTED.get(name, 64)
+        )
         size = most if self.random.random() < 0.02 else self.random.choice((0, 1, 1, 2, 3, 4, 5))
         found = tuple(self._value(name, arguments[0], ()) for _ in range(min(size, most)))
         if name in {"area", "whole", "corners"} and self.random.random() < 0.6:
