@@ -38,6 +38,8 @@ _WORDS: Final = (
     "proximity", "proximity-warn", "goto", "take-off", "land", "hold", "climb", "gps-loss", "battery-drain", "packet-loss",
     "kpl", "a", "s", "s1", "0:s1", "car1", "b1", "uav1", "wo1", "x" * 64, "é", "opened", "ß[?]", "dyknow-federation",
 )  # fmt: skip
+LASTING: Final = ("m1", "t", "2-x-1.2", "2-y-1.2", "2-x-2.0", "2-x-3.1", "obs-x-1.2", "cc-9-1.2", "cc-9-2.0")
+"""Names of tasks by which a member delegates to itself, or others to it."""
 _HASHES: Final = ("ab12cd34", "00000000", "ffffffff")
 _LISTED: Final = {"leaders": 8, "chain": 4}
 _CORNER_FIELDS: Final = frozenset({"corners", "area", "whole", "middle", "corner", "centre", "origin", "ahead"})
@@ -53,11 +55,13 @@ class Drawing:
 
     Attributes:
         conversations: names of tasks, missions and calls that are used again and again.
+        boots: lives that members have.
     """
 
     def __init__(self, random: Random, units: tuple[str, ...], labels: tuple[str, ...]) -> None:
         self.random, self._units, self._labels = random, units, labels
-        self.conversations: list[str] = ["m1", "t"]
+        self.conversations: list[str] = list(LASTING)
+        self.boots: list[int] = [0]
         contents.prepare()
         self.kinds = [parts._CONTENTS[head] for head in sorted(parts._CONTENTS)]
 
@@ -111,6 +115,10 @@ class Drawing:
         if kind is bool:
             return self.random.random() < 0.5
         if kind is int:
+            if name in {"boot", "delegate_boot"} and self.random.random() < 0.7:
+                return self.random.choice(self.boots)
+            if name == "generation" and self.random.random() < 0.7:
+                return self.random.randrange(1, 4)
             return self._whole(metadata, instant=name.endswith("_us"))
         if kind is float:
             return self._real(metadata)

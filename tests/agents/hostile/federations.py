@@ -13,6 +13,7 @@ from agents.admission.admission import Admission
 from agents.areas.assignment import AreaAssignment
 from agents.config import PlatformConfig
 from agents.effects import Specify
+from agents.exchange.import_proxy import STREAMS_OF_ONE
 from agents.flight.arbiter import Commander
 from agents.flight.flight import FlightAgent
 from agents.flight.places import FlightLimits
@@ -23,7 +24,7 @@ from federation.members.member import Member
 from federation.messages import contents
 from federation.messages.acts import Act, AgentName, Performative
 from federation.messages.codec import encode_act
-from federation.messages.protocols import OPENING
+from federation.messages.protocols import OPENING, Conversation
 from federation.security.trust import Role, Roster, RosterMember, Signer, Trust
 from navigation.geodesy import LocalFrame, distance_m
 from navigation.vehicle import Command, Order, Report
@@ -38,7 +39,7 @@ from sim_uavs.roads.layouts import network_of
 from sim_uavs.streets import carried_over, roads_of, watching
 from sim_uavs.world.units import DriftingClock, WorldNode
 from sim_uavs.world.world import START_US, World
-from tests.agents.hostile.drawing import Drawing
+from tests.agents.hostile.drawing import LASTING, Drawing
 
 P = Performative
 HONEST: Final = ("0", "1")
@@ -55,6 +56,36 @@ OVER: Final = ((-20.0, 10.0), (30.0, 20.0))
 """Where platforms are at work, metres east and north, at a height of 45 m."""
 NEAR_M: Final = 400.0
 """Vehicles that are nearer may give way to each other."""
+ASKED_EVERY: Final = 60
+GONE_EVERY: Final = 600
+"""Acts."""
+_FIELD: Final = ("55.7240 13.4570", "55.7240 13.4620", "55.7260 13.4620", "55.7260 13.4570")
+ASKED: Final[tuple[tuple[contents.Content, Performative], ...]] = (
+    (contents.Query(semantic_label="heli-position", scope="global"), P.QUERY_REF),
+    (contents.Query(semantic_label="heli-altitude", scope="global", merge="inverse-variance"), P.QUERY_REF),
+    (contents.Query(semantic_label="heli-altitude", scope="global", merge="mean"), P.QUERY_REF),
+    (contents.Query(semantic_label="battery", scope="global", select="best"), P.QUERY_REF),
+    (contents.DivideArea(area=_FIELD), P.REQUEST),
+    (contents.DivideArea(area=_FIELD, sensor="heli-position"), P.REQUEST),
+    (contents.MonitorProximity(avoidance=False), P.REQUEST),
+    (contents.CheckFormula(text="eventually[0, 5s] heli-altitude[2] > 10000", timeout_s=10.0), P.REQUEST),
+    (contents.Alarms(), P.SUBSCRIBE),
+    (contents.MonitorList(monitors=()), P.QUERY_REF),
+)
+ANSWERS: Final[dict[str, list[type[contents.Content]]]] = {
+    "query": [contents.Samples, contents.Answers, contents.Reason],
+    "create-multicast": [contents.Stream, contents.EndStream, contents.Done, contents.Reason],
+    "create-monitor": [contents.Reason, contents.Done, contents.Progress, contents.HandOver],
+    "call-for-stream": [contents.StreamProposal, contents.Reason],
+    "call-for-mission": [contents.MissionProposal, contents.Reason],
+    "fly-mission": [contents.Progress, contents.Done, contents.Reason],
+    "join-mission": [contents.Done, contents.VehicleNews, contents.Reason],
+    "perform-commands": [contents.Performed, contents.Reason],
+    "alarms": [contents.Alarm],
+    "directory": [contents.DirectoryEvent],
+    "acts": [contents.ActLog],
+}
+"""What a question of an honest platform may be answered with."""
 MOST: Final = 4200
 """Entries that a collection of a platform may hold."""
 
@@ -76,7 +107,7 @@ class Watched(SimulatedVehicle):
         self._onboard, self._image_us = onboard, 0
         self.orders: list[Order] = []
 
-    def on_time(self, now_us: int, stamp_us: int) -> Sequence[Report]:
+    def on_time(self, now_us: int, stamp_us: int) -> list[Report]:
         reports = list(super().on_time(now_us, stamp_us))
         if self._onboard is None or now_us < self._image_us + IMAGE_US:
             return reports
@@ -85,7 +116,7 @@ class Watched(SimulatedVehicle):
         image = None if looking is None else self._onboard.image(stamp_us, *looking)
         return reports if image is None else [*reports, image]
 
-    def on_command(self, command: Command, now_us: int, stamp_us: int) -> Sequence[tuple[int, Report]]:
+    def on_command(self, command: Command, now_us: int, stamp_us: int) -> list[tuple[int, Report]]:
         self.orders.append(command.order)
         return super().on_command(command, now_us, stamp_us)
 
@@ -112,7 +143,7 @@ class HostileFederation:
         self.drawing = Drawing(self.random, UNITS, LABELS)
         self.world = World(seed, truth_us=None)
         self.orders: list[OrderGiven] = []
-        self.acts = 0
+        self.acts = self._heard_before = 0
         self.log: list[str] = []
         self.vehicles: dict[str, Watched] = {}
         situation = scenario("hover" if name == "hover" else name, 3 if name == "hover" else 2, seed)
@@ -127,6 +158,7 @@ class HostileFederation:
         if name in READY:
             self._specify(name)
         self._delegate()
+        self._remember_boots()
         self.world.run_for(1.0)
 
     # -- who is there ------------------------------------------------------------------------------------------
@@ -194,25 +226,39 @@ class HostileFederation:
     # -- what is said ------------------------------------------------------------------------------------------
 
     def say(self, count: int) -> None:
-        """Have `count` acts said, while time passes and members come and go."""
-        for _ in range(count):
-            self._one()
+        """Have at least `count` more acts said, while time passes and members come and go."""
+        until = self.acts + count
+        while self.acts < until:
+            before = self.acts
+            for _ in range(self.random.choice((1, 2, 4, 8))):
+                self._one()
             chance = self.random.random()
-            self.world.run_for(0.02 if chance < 0.9 else 0.3 if chance < 0.995 else 4.0)
-            if self.acts % 500 == 0:
-                self._come_and_go()
+            self.world.run_for(0.03 if chance < 0.9 else 0.3 if chance < 0.99 else 4.0)
             self.check()
+            if before // ASKED_EVERY < self.acts // ASKED_EVERY:
+                self._ask()
+            if before // GONE_EVERY < self.acts // GONE_EVERY:
+                self._come_and_go()
+
+    def _ask(self) -> None:
+        """The command centre asks for something that makes platforms ask each other, and the hostile ones, but moves nothing."""
+        content, performative = self.random.choice(ASKED)
+        question = self.world.ask("cc", self.random.choice(HONEST), content, performative)
+        self.drawing.conversations.append(question.conversation or "t")
 
     def _one(self) -> None:
-        kind = self.random.choice(self.drawing.kinds)
-        content = self.drawing.content(kind)
-        if content is None:
-            return
         by, to = self.random.choice(self._speakers), self.random.choice(HONEST)
         node = self.world.nodes[by]
         if node.process is None or node.frozen:
             return
-        act = self._act(by, to, content)
+        talk = self._open(by, to) if self.random.random() < 0.35 else None
+        kinds = self.drawing.kinds
+        if talk is not None and self.random.random() < 0.8:
+            kinds = ANSWERS.get(talk.opening.content.head if talk.opening.content else "", kinds)
+        content = self.drawing.content(self.random.choice(kinds))
+        if content is None:
+            return
+        act = self._act(by, to, content, talk)
         try:
             encode_act(act)
         except ContentError:  # too large to be said
@@ -227,18 +273,19 @@ class HostileFederation:
 
         self.world.speak(by, speak)
 
-    def _act(self, by: str, to: str, content: contents.ContentPart) -> Act:
+    def _act(self, by: str, to: str, content: contents.ContentPart, talk: Conversation | None) -> Act:
         random = self.random
         now_us = self.world.now_us
         conversation, answers = f"{by}-x-{self.acts}.{to}", None
-        if random.random() < 0.3:
-            conversation = random.choice(self.drawing.conversations[-40:])
+        if talk is not None:
+            conversation = talk.opening.conversation_id or "t"
+            answers = talk.opening.reply_with if talk.ours else None
         elif random.random() < 0.3:
-            conversation, answers = self._open(by, to) or (conversation, None)
+            conversation = random.choice(self.drawing.conversations[-40:])
         performative = self._performative(content, answers)
         if performative in OPENING and len(self.drawing.conversations) < 100_000:
             self.drawing.conversations.append(conversation)
-            del self.drawing.conversations[6:-40]
+            del self.drawing.conversations[len(LASTING) : -40]
         return Act(
             performative,
             AgentName("interface", by),
@@ -265,16 +312,14 @@ class HostileFederation:
             return P.CANCEL
         return random.choice(self._taken.get(content.head, (P.INFORM, P.INFORM, P.REQUEST, P.PROPOSE)))
 
-    def _open(self, by: str, to: str) -> tuple[str, str | None] | None:
-        """A conversation that the honest platform has with the speaker, and what answers refer to."""
+    def _open(self, by: str, to: str) -> Conversation | None:
+        """A conversation that the honest platform has with the speaker."""
         node = self.world.nodes[to]
         if node.process is None:
             return None
         open_now = [each for each in node.process.member.acts.conversations.conversations() if each.peer == by]
-        if not open_now:
-            return None
-        found = self.random.choice(open_now)
-        return found.opening.conversation_id or "t", found.opening.reply_with if found.ours else None
+        ours = [each for each in open_now if each.ours]
+        return self.random.choice(ours or open_now) if open_now else None
 
     # -- who comes and goes ------------------------------------------------------------------------------------
 
@@ -286,6 +331,7 @@ class HostileFederation:
         away_s = self.random.choice((0.5, 4.0, 8.0, 40.0))
         match how:
             case "kill":
+                self._heard_before += self._heard(unit) if unit in HONEST else 0
                 world.kill(unit)
                 self._pass(away_s)
                 world.restart(unit)
@@ -302,12 +348,18 @@ class HostileFederation:
                 self._pass(away_s)
                 world.heal([unit], ["0"])
             case _:
+                self._heard_before += self._heard(unit) if unit in HONEST else 0
                 world.restart(unit)
         world.run_for(2.0)
+        self._remember_boots()
         for node in world.nodes.values():
             node.lives = node.lives[-1:]
             for kept in (node.notes, node.told, node.kept, node.truth):
                 kept.clear()
+
+    def _remember_boots(self) -> None:
+        nodes = self.world.nodes.values()
+        self.drawing.boots = [node.process.member.boot for node in nodes if node.process is not None]
 
     def _pass(self, seconds: float) -> None:
         self.world.run_for(seconds)
@@ -333,6 +385,16 @@ class HostileFederation:
         apart_m = distance_m(*places[0][1:3], *places[1][1:3])
         return given.commander is Commander.AVOIDANCE and apart_m < NEAR_M
 
+    @property
+    def answered(self) -> int:
+        """How many acts honest platforms have heard, in all their lives, whatever became of them."""
+        return self._heard_before + sum(map(self._heard, HONEST))
+
+    def _heard(self, unit: str) -> int:
+        platform = self.world.nodes[unit].platform
+        counts = {} if platform is None else platform.ports.agent.audit_log.counts
+        return sum(number for (direction, _), number in counts.items() if direction == "in")
+
     def collections(self) -> Iterator[tuple[str, int]]:
         """The collections that parts of honest platforms hold, by place, with their sizes."""
         for unit in HONEST:
@@ -347,11 +409,12 @@ class HostileFederation:
                         yield f"{type(owner).__name__}.{name}", len(held)
 
     def of_the_gone(self, unit: str) -> list[str]:
-        """What honest platforms still hold of a member that has been gone for long."""
+        """What honest platforms still hold of a member that has been gone for long: of its streams more than it may have."""
         found = []
         for each in HONEST:
             platform = self.world.platform(each)
-            found += [f"{each}: stream {name}" for name in platform.member.imports.streams if name[0] == unit]
+            streams = [name for name in platform.member.imports.streams if name[0] == unit]
+            found += [f"{each}: stream {name}" for name in streams[STREAMS_OF_ONE:]]
             talks = platform.member.acts.conversations.conversations()
             found += [f"{each}: conversation {talk.opening}" for talk in talks if talk.peer == unit]
             pieces = platform.part(AreaAssignment).pieces
