@@ -21,7 +21,7 @@ MAX_BYTES: Final = 65_536
 MAX_STRING: Final = 32_768
 MAX_ITEMS: Final = 1024
 MAX_VALUE_DEPTH: Final = 4
-MAX_VALUE_TEXT: Final = 8192
+MAX_VALUE_TEXT: Final = 16_384
 """Characters of a text in a sample."""
 
 _HASH = re.compile(r"[0-9a-f]{8}")

@@ -267,7 +267,7 @@ def value(found: Any, depth: int = 0) -> bool:
     if found is None or _is(bool, found):
         return True
     if _is(str, found):
-        return len(found) <= 8192
+        return len(found) <= 16_384
     if _is(float, found):
         return number(found)
     if _is(int, found):

@@ -26,7 +26,7 @@ READERS = {
 @pytest.mark.parametrize("label", READERS)
 def test_a_reader_bears_every_value_that_is_taken_in(label):
     sort = ONTOLOGY[label].sort
-    for sign, texts, truth in product((1.0, -1.0, 0.0, None), ("", "a" * 8192), (True, False)):
+    for sign, texts, truth in product((1.0, -1.0, 0.0, None), ("", "a" * 16_384), (True, False)):
         value = tuple(
             texts if field.unit == "text" else truth if field.unit == "bool"
             else NO_VALUE if sign is None else sign * _MOST[field.unit] for field in sort.fields

@@ -150,6 +150,11 @@ def _with(value: Any, inserted: str) -> Any:
         "(perform-commands mission: m1 step: 2 action: a commands: (sequence (command-entry name: goto numbers: (sequence 1e7))))",
         "(samples unit: 1 semantic-label: battery samples: (sequence (reading valid: 1 available: 2 value: (record x: 1.1e30))))",
         "(samples unit: 1 semantic-label: battery samples: (sequence (reading valid: 1 available: 2 value: (record x: 1.0) variance: (record x: -1.0))))",
+        '(assign-area task: a.1 generation: 1 rings: (sequence (area-ring corners: (sequence "58 15" "58 15.1" "58.2 15.1"))) middle: "58 15" whole: (sequence "58 15" "58 15.1" "58.1 15.1"))',
+        '(assign-area task: a.1 generation: 1 whole: (sequence "58 15" "58.1 15.1" "58 15.1" "58.1 15"))',
+        '(divide-area area: (sequence "58 15" "58.1 15.1" "58 15.1" "58.1 15"))',
+        '(divide-area area: (sequence "58 15" "58 15" "58 15"))',
+        '(divide-area area: (sequence "nan 15" "58 15.1" "58.1 15"))',
         '(mission-proposal cost: 2.5 duration: 86401.0 actions: (sequence "land(uav1)"))',
     ],
 )  # fmt: skip
