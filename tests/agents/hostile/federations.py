@@ -10,7 +10,7 @@ from random import Random
 from typing import Any, Final, NamedTuple
 
 from agents.admission.admission import Admission
-from agents.areas.assignment import AreaAssignment
+from agents.areas.assignment import MOST_OF_ONE, AreaAssignment
 from agents.config import PlatformConfig
 from agents.effects import Specify
 from agents.exchange.import_proxy import STREAMS_OF_ONE
@@ -19,6 +19,7 @@ from agents.flight.flight import FlightAgent
 from agents.flight.places import FlightLimits
 from compunits import catalogue
 from dyknow.model.errors import ContentError
+from dyknow.model.instants import LATEST_US
 from federation.members.command_centre import CommandCentre
 from federation.members.member import Member
 from federation.messages import contents
@@ -295,7 +296,7 @@ class HostileFederation:
             random.choice((None, "fipa-request", "fipa-contract-net")),
             f"r{self.acts}" if random.random() < 0.9 else None,
             answers,
-            random.choice((None, 0, 2**62, now_us + 1_000_000, now_us + 30_000_000)),
+            random.choice((None, 0, LATEST_US, now_us + 1_000_000, now_us + 30_000_000)),
             ontology="dyknow",
         )
 
@@ -409,7 +410,7 @@ class HostileFederation:
                         yield f"{type(owner).__name__}.{name}", len(held)
 
     def of_the_gone(self, unit: str) -> list[str]:
-        """What honest platforms still hold of a member that has been gone for long: of its streams more than it may have."""
+        """What honest platforms still hold of a member that has been gone for long: of its streams and pieces more than it may have."""
         found = []
         for each in HONEST:
             platform = self.world.platform(each)
@@ -418,7 +419,7 @@ class HostileFederation:
             talks = platform.member.acts.conversations.conversations()
             found += [f"{each}: conversation {talk.opening}" for talk in talks if talk.peer == unit]
             pieces = platform.part(AreaAssignment).pieces
-            found += [f"{each}: piece {task}" for task, piece in pieces.items() if piece.leader == unit]
+            found += [f"{each}: piece {task}" for task, piece in pieces.items() if piece.leader == unit][MOST_OF_ONE:]
             exports = platform.ports.gateway.exporter.exports
             found += [
                 f"{each}: export {name}"
