@@ -26,6 +26,7 @@ from federation.members.liveness import PeerState, PlatformAppeared, PlatformGon
 from federation.members.offers import LabelAppeared, LabelGone
 from federation.messages.acts import Act, Performative
 from federation.messages.contents import AreaRing, AssignArea, Content, DivideArea, Progress, Query, Samples
+from federation.messages.contents.parts import next_generation
 from navigation.areas import Area, Piece
 
 P = Performative
@@ -147,7 +148,7 @@ class AreaDivision(Part):
 
     def _end(self, task: str, now_us: int) -> tuple[str, ...]:
         divided = self.areas.pop(task)
-        divided.generation += 1
+        divided.generation = next_generation(divided.generation)
         for unit in divided.pieces:
             self._inform(divided, unit, Piece((), 0.0, (0.0, 0.0)), 0.0, now_us)
         return ()
@@ -223,7 +224,7 @@ class AreaDivision(Part):
         divided.is_asking, divided.due_us = False, None
         able = [each for each in divided.asked.values() if each.weight > 0]
         before, divided.pieces = divided.pieces, {}
-        divided.generation += 1
+        divided.generation = next_generation(divided.generation)
         if able:
             along = {each.unit: divided.area.along_m(each.place) for each in able if each.place is not None}
             able.sort(key=lambda each: (each.unit not in along, along.get(each.unit, 0.0), unit_order(each.unit)))

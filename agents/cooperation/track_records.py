@@ -10,7 +10,6 @@ from anchoring.cooperation.reports import IdentityClaim, TrackReport
 from anchoring.cooperation.rows import PictureRow
 from anchoring.links.states import UNMEASURED, ObjectState
 from dyknow import NO_VALUE, US_PER_S, Sample, Sort, Value
-from dyknow.model.instants import LATEST_S
 
 TRACKS: Final = "object-tracks"
 IDENTITIES: Final = "object-identities"
@@ -44,7 +43,7 @@ def identity_claim(unit: str, value: Value) -> IdentityClaim | None:
     if value is NO_VALUE:
         return None
     symbol, identity, born_s, since_s, *_ = value
-    if not all(abs(_number(each)) <= LATEST_S for each in (born_s, since_s)):
+    if NO_VALUE in (born_s, since_s):
         return None
     return IdentityClaim(unit, str(symbol), str(identity), round(born_s * US_PER_S), round(since_s * US_PER_S))
 

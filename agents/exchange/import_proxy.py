@@ -15,6 +15,7 @@ from federation.members.imports import ImportName, Imports
 from federation.members.offers import DefinitionsChanged
 from federation.messages.codec import StreamSample
 from federation.sharing.ontology import Ontology
+from federation.sharing.ranges import InRange, in_range
 from federation.sharing.translation import Convert, LabelConversion, Translation
 from federation.transport import WireEffect
 
@@ -205,7 +206,7 @@ class ImportProxy(Part):
     def _source(self, sender: str, semantic_label: str) -> Sink:
         """`push(m, s, v)` of 9.3.3 for one (m, s): adds to the local source, which is made at the first sample.
 
-        A value that is not of the label's sort is dropped and counted.
+        A value that is not of the label's sort, or not in the range of its units, is dropped and counted.
         """
         known = self._sinks.get((sender, semantic_label))
         if known is not None:
@@ -213,13 +214,14 @@ class ImportProxy(Part):
         local, _ = self._declare(semantic_label, sender)
         sort, to_local = self._ontology[semantic_label].sort, self._translation.to_local(semantic_label)
         trust = self._trust.declared(sender)
-        add = partial(self._add, sort, to_local, self._network.generator(local), trust)
+        add = partial(self._add, sort, in_range(sort), to_local, self._network.generator(local), trust)
         self._sinks[sender, semantic_label] = add
         return add
 
     def _add(
         self,
         sort: Sort,
+        is_in_range: InRange,
         to_local: LabelConversion,
         generator: Generator,
         trust: float,
@@ -232,6 +234,9 @@ class ImportProxy(Part):
             sort.check(value)
         except SortError:
             self.refused["sort"] += 1
+            return
+        if not is_in_range(value):
+            self.refused["range"] += 1
             return
         if not to_local.is_same:
             value, quality = to_local(value), to_local.quality(quality)

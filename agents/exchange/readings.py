@@ -1,10 +1,11 @@
 """Several platforms' readings of one label made into one (thesis 9.3.4: select one of the values, or merge them)."""
 
 from collections.abc import Callable, Sequence
-from typing import TypeAlias
+from typing import Final, TypeAlias
 
 from federation.messages.contents import Reading
 
+LEAST_VARIANCE: Final = 1e-20
 TrustedReading: TypeAlias = tuple[Reading, float]
 """A reading, and how far its platform is trusted, in [0, 1]."""
 
@@ -32,11 +33,17 @@ def merge_mean(readings: Sequence[TrustedReading]) -> Reading | None:
 
 
 def merge_inverse_variance(readings: Sequence[TrustedReading]) -> Reading | None:
-    """Each field weighed by trust over its variance; readings that state none are left out."""
-    stated = [
-        each for each in _trusted(readings) if all(v > 0 for v in _variances(each[0]).values()) and _variances(each[0])
-    ]
-    return _merge(stated, lambda reading, field: 1.0 / _variances(reading)[field])
+    """Each field weighed by trust over its variance; readings that state none are left out.
+
+    Nor is there a field of which one of the others states none, or one that no measurement has.
+    """
+    stated = [each for each in _trusted(readings) if any(map(_weight, _variances(each[0]).values()))]
+    return _merge(stated, lambda reading, field: _weight(_variances(reading).get(field)))
+
+
+def _weight(variance: float | None) -> float:
+    """One over a variance; 0 of none, or of one that no measurement has."""
+    return 0.0 if variance is None or variance < LEAST_VARIANCE else 1.0 / variance
 
 
 def _trusted(readings: Sequence[TrustedReading]) -> list[TrustedReading]:
@@ -44,7 +51,7 @@ def _trusted(readings: Sequence[TrustedReading]) -> list[TrustedReading]:
 
 
 def _variances(reading: Reading) -> dict[str, float]:
-    return {name: float(v) for name, v in (reading.variance or {}).items() if isinstance(v, int | float)}
+    return reading.variance or {}
 
 
 def _merge(found: Sequence[TrustedReading], weight: Callable[[Reading, str], float]) -> Reading | None:
@@ -60,6 +67,8 @@ def _merge(found: Sequence[TrustedReading], weight: Callable[[Reading, str], flo
     for name in fields:
         weights = [trust * weight(reading, name) for (reading, _), trust in zip(records, trusts, strict=True)]
         total = sum(weights)
+        if not all(weights):
+            continue
         value[name] = sum(w * _number(record[name]) for w, (_, record) in zip(weights, records, strict=True)) / total
         stated = [_variances(reading).get(name) for reading, _ in records]
         if all(v is not None for v in stated):

@@ -19,6 +19,7 @@ from agents.interface import InterfaceAgent
 from agents.part import Part
 from dyknow import NO_VALUE, Label, NoValue, Sample, Sort, Value, as_json
 from dyknow.model.errors import DyknowError, Refused, ValueNotAvailable
+from dyknow.model.values import LARGEST
 from federation.members.clock import FederationClock
 from federation.members.directory import DirectoryEntry, DirectoryFacilitator
 from federation.messages.acts import Act, Performative
@@ -215,7 +216,7 @@ def _reading(sort: Sort, sample: Sample) -> Reading:
         return Reading(valid_us=sample.valid_us, available_us=sample.available_us, value=NO_VALUE)
     rows = sample.quality.covariance
     stated: dict[str, Any] | None = None
-    if len(rows) == len(sort.fields):
+    if len(rows) == len(sort.fields) and all(0.0 <= row[at] <= LARGEST for at, row in enumerate(rows)):
         stated = {field.name: rows[at][at] for at, field in enumerate(sort.fields)}
     return Reading(
         valid_us=sample.valid_us,

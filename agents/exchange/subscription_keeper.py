@@ -20,6 +20,7 @@ from federation.members.liveness import PlatformGone, PlatformReturned
 from federation.members.offers import LabelAppeared, ServiceAppeared
 from federation.messages.acts import Act, Performative
 from federation.messages.contents import Content, CreateMulticast
+from federation.messages.contents.parts import LEAST_PERIOD_S
 
 FIRST_US = 250_000
 CHECK_US = 250_000
@@ -200,7 +201,7 @@ class SubscriptionKeeper(Part):
         for (period_us, delay_us), labels in by_policy.items():
             content = CreateMulticast(
                 semantic_labels=tuple(labels),
-                sample_period_s=period_us / US_PER_S,
+                sample_period_s=max(LEAST_PERIOD_S, period_us / US_PER_S),
                 delay_s=delay_us / US_PER_S,
                 to_units=(self._unit,),
             )

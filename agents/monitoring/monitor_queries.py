@@ -12,6 +12,7 @@ from agents.monitoring.reasons import reasons
 from agents.part import Part
 from agents.subscribers import Subscribers
 from agents.tasks.life import TaskLife
+from dyknow.model.values import LARGEST
 from federation.members.clock import FederationClock
 from federation.messages.acts import Act, Performative
 from federation.messages.contents import (
@@ -195,7 +196,7 @@ class MonitorQueries(Part):
 
 
 def _rounded(margin: float | None) -> float | None:
-    return None if margin is None else float(f"{margin:.6g}")
+    return None if margin is None or abs(margin) > LARGEST else float(f"{margin:.6g}")
 
 
 def _missing(monitor: Monitor) -> tuple[str, ...]:

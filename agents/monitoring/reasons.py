@@ -2,10 +2,10 @@
 
 from collections.abc import Iterable
 from itertools import islice
-from math import isfinite
 from typing import Final
 
 from dyknow import NoValue, Value, as_json
+from dyknow.model.values import LARGEST
 from federation.messages.contents import Because
 from kpl import print_formula
 from kpl.checking.error_collector import shortened
@@ -43,7 +43,7 @@ def reasons(found: Iterable[Explanation]) -> tuple[Because, ...]:
 
 def scalar(value: Value) -> bool | float | NoValue | str:
     """A value as an act can carry it: records, and what is not finite, as text."""
-    if isinstance(value, NoValue | bool | int) or (isinstance(value, float) and isfinite(value)):
+    if isinstance(value, NoValue | bool) or (isinstance(value, int | float) and -LARGEST <= value <= LARGEST):
         return value
     return shortened(str(as_json(value)))
 

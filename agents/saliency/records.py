@@ -6,7 +6,6 @@ from anchoring.saliency.entries import PersonEntry
 from anchoring.saliency.map import SalientPlace
 from anchoring.saliency.watching import PersonLook
 from dyknow import NO_VALUE, US_PER_S, Sample, Value
-from dyknow.model.instants import LATEST_S
 from navigation.geodesy import LocalFrame
 
 PERCEPTS: Final = "person-percepts"
@@ -83,8 +82,7 @@ def attributes_of(place: SalientPlace, frame: LocalFrame | None) -> dict[str, An
 
 
 def _instant_us(seconds: Value) -> int:
-    number = _number(seconds)
-    return round(number * US_PER_S) if abs(number) < LATEST_S else -1
+    return -1 if seconds is NO_VALUE else round(seconds * US_PER_S)
 
 
 def _number(value: Value) -> float:

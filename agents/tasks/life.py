@@ -41,6 +41,7 @@ from federation.messages.contents import (
     TaskList,
     Tasks,
 )
+from federation.messages.contents.parts import next_generation
 from federation.messages.conversations import is_given_up, is_lost
 from federation.sharing.exports import LINGER_US, Exports
 
@@ -230,7 +231,7 @@ class TaskLife(Part):
 
     def take_over(self, led: CoordinatedTask) -> None:
         """The monitors stay as they are; the coordinator, and in which conversations they were asked for, change."""
-        led.leader, led.generation, led.leader_boot = self._unit, led.generation + 1, self._boot
+        led.leader, led.generation, led.leader_boot = self._unit, next_generation(led.generation), self._boot
         for act in led.own.values():
             if act.conversation_id is not None:
                 self.forget(act.conversation_id)

@@ -14,8 +14,9 @@ US_PER_S = 1_000_000
 US_PER_UNIT = {"us": 1, "ms": US_PER_MS, "s": US_PER_S, "min": 60 * US_PER_S, "h": 3_600 * US_PER_S}
 MAX_DURATION_US = 2**62
 """Far beyond any clock, and small enough that sums of durations stay 64-bit on the wire."""
-LATEST_S = 1e12
-"""Seconds that, as microseconds, an instant of 64 bits can hold: what others say in seconds is compared with it first."""
+LATEST_US = 60_000_000_000_000_000
+"""Of an instant that others say, before or after the epoch: the years 69 to 3871, which dates hold, and sums in 64 bits."""
+LATEST_S = LATEST_US / US_PER_S
 
 _DURATION = re.compile(r"([0-9]{1,20}(?:\.[0-9]{1,20})?(?:[eE][+-]?[0-9]{1,2})?)\s?(us|ms|s|min|h)?")
 EPOCH = datetime(1970, 1, 1, tzinfo=UTC)

@@ -5,13 +5,13 @@ A simple value is an `int`, `float`, `bool` or `str`. A record is a plain tuple 
 
 from dataclasses import dataclass, field
 from enum import Enum
-from sys import float_info
 from typing import Any, Final, NamedTuple
 
 from dyknow.model.errors import SortError
 from dyknow.model.sample import Value
 
-_LARGEST = float_info.max
+LARGEST: Final = 1e30
+"""Of a number in a stream or in an act, of either sign: products of several such numbers are finite."""
 
 
 class NoValue(Enum):
@@ -91,16 +91,16 @@ class Sort:
         """Accept a value of this sort, or `NO_VALUE`.
 
         Raises:
-            SortError: wrong arity, or a component that is not a finite number (a bool, a text where the unit says so).
+            SortError: wrong arity, or a component that is not a number up to `LARGEST` (a bool, a text where the unit says so).
         """
         if value is NO_VALUE:
             return
         kind = type(value)
-        if (kind is float or kind is int) and self._takes_number and -_LARGEST <= value <= _LARGEST:
+        if (kind is float or kind is int) and self._takes_number and -LARGEST <= value <= LARGEST:
             return
         if self._numbers and kind is tuple and len(value) == self._numbers:
             for component in value:
-                if type(component) is not float or component - component != 0.0:
+                if type(component) is not float or not -LARGEST <= component <= LARGEST:
                     break
             else:
                 return
@@ -174,11 +174,11 @@ def _fits(component: Value, unit: str) -> bool:
         return isinstance(component, bool)
     if unit == "text":
         return isinstance(component, str)
-    return isinstance(component, float | int) and not isinstance(component, bool) and -_LARGEST <= component <= _LARGEST
+    return isinstance(component, float | int) and not isinstance(component, bool) and -LARGEST <= component <= LARGEST
 
 
 def _wanted(unit: str) -> str:
-    return {"bool": "true or false", "text": "a text"}.get(unit, "a finite number")
+    return {"bool": "true or false", "text": "a text"}.get(unit, f"a number up to {LARGEST:g}")
 
 
 def _shown(value: Value) -> str:

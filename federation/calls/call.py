@@ -24,6 +24,7 @@ from federation.members.directory import DirectoryEntry, DirectoryFacilitator, u
 from federation.members.liveness import PeerState
 from federation.messages.acts import Act, Performative
 from federation.messages.contents import CallForStream, Content, LeaveProposal, Reason, StreamProposal, TakeProposal
+from federation.messages.contents.parts import LEAST_PERIOD_S
 
 P = Performative
 PROPOSE_WITHIN_US: Final = 500_000
@@ -199,7 +200,7 @@ class StreamCall:
         content = CallForStream(
             call=self._name,
             semantic_label=wanted.label,
-            sample_period_s=wanted.period_us / 1e6,
+            sample_period_s=max(LEAST_PERIOD_S, wanted.period_us / 1e6),
             delay_s=wanted.delay_us / 1e6,
             min_certainty=wanted.min_certainty,
         )

@@ -16,13 +16,23 @@ from typing import Any, Final, NamedTuple, TypeAlias
 from pydantic import ValidationError
 
 from dyknow.model.errors import ContentError, DecodeError, NameRefused
+from dyknow.model.instants import LATEST_US
 from dyknow.model.sample import SURE, Quality, Value
 from dyknow.model.values import NO_VALUE
 from federation import keys
 from federation.messages import unpacking
 from federation.messages.acts import PERFORMATIVES, Act, AgentName
 from federation.messages.descriptions import Description
-from federation.messages.sexpr import MAX_DEPTH, MAX_INTEGER, MIN_INTEGER, Expr, ExprValue, QuotedText, is_name
+from federation.messages.sexpr import (
+    MAX_COUNT,
+    MAX_DEPTH,
+    MAX_INTEGER,
+    MIN_INTEGER,
+    Expr,
+    ExprValue,
+    QuotedText,
+    is_name,
+)
 from federation.messages.unpacking import kept, named, pack
 
 MAX_ACKS: Final = 256
@@ -199,14 +209,14 @@ def decode_act(payload: bytes) -> tuple[Act, Signature | None, bytes]:
         protocol,
         reply_with,
         in_reply_to,
-        None if reply_by is None else unpacking.count(reply_by),
+        None if reply_by is None else unpacking.stamp(reply_by),
         language,
         encoding,
         ontology,
         None if reply_to is None else _speaker(reply_to),
         unpacking.count(boot),
         unpacking.count(seq),
-        unpacking.count(created),
+        unpacking.stamp(created),
         acks,
     )
     return act, signature, body
@@ -346,7 +356,7 @@ def _samples(found: Any) -> list[StreamSample]:
         seq, valid_us, value = entry if len(entry) == 3 else entry[:3]
         if type(seq) is not int or type(valid_us) is not int:
             unpacking.fail("number")
-        if not (0 < seq <= MAX_INTEGER and MIN_INTEGER <= valid_us <= MAX_INTEGER):
+        if not (0 < seq <= MAX_COUNT and -LATEST_US <= valid_us <= LATEST_US):
             unpacking.fail("number")
         quality = SURE if len(entry) == 3 else unpacking.quality_of(entry[3:])
         samples.append(_new(StreamSample, (seq, valid_us, unpacking.sampled(value), quality)))
@@ -383,7 +393,7 @@ def decode_heartbeat(payload: bytes) -> Heartbeat:
         if type(tail[0]) is not str or type(tail[1]) is not str:
             unpacking.fail("name")
         unpacking.count(tail[2])
-    numbers = unpacking.count(boot), unpacking.count(seq), unpacking.count(wall_us), unpacking.count(description)
+    numbers = unpacking.count(boot), unpacking.count(seq), unpacking.stamp(wall_us), unpacking.count(description)
     return Heartbeat(named(keys.unit, unit), *numbers, _heard(hears), _tails(boot, tails))
 
 

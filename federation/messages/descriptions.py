@@ -13,11 +13,13 @@ from pydantic import (
 )
 
 from dyknow.model.errors import NameRefused
+from dyknow.model.instants import LATEST_US
 from dyknow.model.semantic_labels import MAX_FIELDS, MAX_MEANING, definition_errors
 from dyknow.model.semantic_labels import SemanticLabel as Definition
 from dyknow.model.values import Field as SortField
 from dyknow.model.values import Sort
 from federation import keys
+from federation.messages.sexpr import MAX_COUNT
 
 MAX_DEFINITIONS: Final = 128
 MAX_CONDITIONS: Final = 16
@@ -44,7 +46,10 @@ Unit = Annotated[str, _checked(keys.unit)]
 AgentWord = Annotated[str, _checked(keys.agent)]
 SemanticLabel = Annotated[str, _checked(keys.label)]
 Hash = Annotated[str, Field(pattern=r"^[0-9a-f]{8}$")]
-Count = Annotated[int, Field(ge=0, le=2**63 - 1)]
+Count = Annotated[int, Field(ge=0, le=MAX_COUNT)]
+Stamp = Annotated[int, Field(ge=0, le=LATEST_US)]
+"""An instant after 1970, in microseconds."""
+FieldText = Annotated[str, Field(max_length=64)]
 Cost = Annotated[float, Field(ge=0, le=1e12)]
 """What a stream costs its producer, in a measure that the federation agrees on."""
 
@@ -72,7 +77,7 @@ class LabelEntry(DescriptionModel):
     label: SemanticLabel
     sort: AgentWord
     type_hash: Hash
-    period_us: Count = 0
+    period_us: Stamp = 0
     receivers: Annotated[tuple[Unit, ...], Field(max_length=64)] = ()
     cost: Cost | None = None
 
@@ -90,7 +95,7 @@ class DefinitionEntry(DescriptionModel):
     label: SemanticLabel
     sort: AgentWord
     unit: Annotated[str, Field(max_length=24)] = ""
-    fields: Annotated[tuple[tuple[str, str], ...], Field(max_length=MAX_FIELDS)] = ()
+    fields: Annotated[tuple[tuple[FieldText, FieldText], ...], Field(max_length=MAX_FIELDS)] = ()
     meaning: Annotated[str, Field(max_length=MAX_MEANING)]
 
     @model_validator(mode="after")
@@ -116,7 +121,7 @@ class ConditionEntry(DescriptionModel):
     """What a person should know of a platform's state, in words, and since when by its node clock."""
 
     text: Annotated[str, Field(min_length=1, max_length=200), AfterValidator(in_one_line)]
-    since_us: Count
+    since_us: Stamp
 
 
 class Description(DescriptionModel):
@@ -140,7 +145,7 @@ class Description(DescriptionModel):
     boot: Count
     version: Count
     kind: Literal["uav", "command-centre"]
-    clock_epoch_us: Count = 0
+    clock_epoch_us: Stamp = 0
     clock_speed: Annotated[float, Field(gt=0, le=1e6)] = 1.0
     roster: Annotated[str, Field(pattern=r"^[0-9a-f]{16}$")] | None = None
     services: Annotated[tuple[ServiceEntry, ...], Field(max_length=256)] = ()

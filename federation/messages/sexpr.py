@@ -21,6 +21,8 @@ MAX_TEXT = 65_536
 MAX_DEPTH = 16
 MAX_INTEGER = 2**63 - 1
 MIN_INTEGER = -(2**63)
+MAX_COUNT = 2**62
+"""Of a number of something: sums of such numbers are of 64 bits."""
 
 _SYMBOL = re.compile(r"[A-Za-z0-9_][A-Za-z0-9_./@\[\],-]{0,255}")
 _NAME = re.compile(r"(?=.{1,64}\Z)[a-z][a-z0-9]*([-_][a-z0-9]+)*")

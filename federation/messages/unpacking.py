@@ -12,15 +12,18 @@ from typing import Any, Final, NoReturn, TypeAlias, TypeVar
 import msgpack
 
 from dyknow.model.errors import DecodeError, NameRefused
+from dyknow.model.instants import LATEST_US
 from dyknow.model.sample import MAX_BRANCH, Predicted, Quality, Value
-from dyknow.model.values import NO_VALUE, NoValue
-from federation.messages.sexpr import MAX_INTEGER, MIN_INTEGER
+from dyknow.model.values import LARGEST, NO_VALUE, NoValue
+from federation.messages.sexpr import MAX_COUNT, MAX_INTEGER, MIN_INTEGER
 
 VERSION: Final = 1
 MAX_BYTES: Final = 65_536
 MAX_STRING: Final = 32_768
 MAX_ITEMS: Final = 1024
 MAX_VALUE_DEPTH: Final = 4
+MAX_VALUE_TEXT: Final = 16_384
+"""Characters of a text in a sample."""
 
 _HASH = re.compile(r"[0-9a-f]{8}")
 
@@ -96,14 +99,21 @@ def versioned(found: Any, least: int, most: int) -> tuple[Any, ...]:
 
 
 def count(value: Any) -> int:
-    """A number of something, or an instant after 1970."""
-    if type(value) is not int or not 0 <= value <= MAX_INTEGER:
+    """A number of something."""
+    if type(value) is not int or not 0 <= value <= MAX_COUNT:
         fail("number")
     return value
 
 
 def instant(value: Any) -> int:
-    if type(value) is not int or not MIN_INTEGER <= value <= MAX_INTEGER:
+    if type(value) is not int or not -LATEST_US <= value <= LATEST_US:
+        fail("number")
+    return value
+
+
+def stamp(value: Any) -> int:
+    """An instant of a node clock, after 1970."""
+    if type(value) is not int or not 0 <= value <= LATEST_US:
         fail("number")
     return value
 
@@ -177,10 +187,10 @@ def digest(value: Any) -> str:
 
 
 def sampled(value: Any) -> Value:
-    """The value of a sample, checked; records of finite floats, the common case, in one pass."""
+    """The value of a sample, checked; records of floats, the common case, in one pass."""
     if type(value) is tuple:
         for member in value:
-            if type(member) is not float or member - member != 0.0:
+            if type(member) is not float or not -LARGEST <= member <= LARGEST:
                 return _odd(value, 0)
         return value
     return _odd(value, 0)
@@ -191,7 +201,7 @@ MAX_COMPONENTS: Final = 16
 
 
 def qualified(certainty: Any, covariance: Any) -> tuple[float, tuple[tuple[float, ...], ...]]:
-    """A certainty in [0, 1] and a square covariance of finite numbers, checked."""
+    """A certainty in [0, 1] and a square covariance, checked."""
     if type(certainty) is not float or not 0.0 <= certainty <= 1.0:
         fail("number")
     if type(covariance) is not tuple or len(covariance) > MAX_COMPONENTS:
@@ -200,7 +210,7 @@ def qualified(certainty: Any, covariance: Any) -> tuple[float, tuple[tuple[float
         if type(row) is not tuple or len(row) != len(covariance):
             fail("shape")
         for component in row:
-            if type(component) is not float or component - component != 0.0:
+            if type(component) is not float or not -LARGEST <= component <= LARGEST:
                 fail("number")
     return certainty, covariance
 
@@ -219,8 +229,7 @@ def quality_of(found: Any) -> Quality:
     if len(found) == 2:
         return Quality(certainty, covariance)
     made_us, branch, weight = found[2:]
-    if type(made_us) is not int or not MIN_INTEGER <= made_us <= MAX_INTEGER:
-        fail("number")
+    instant(made_us)
     if type(branch) is not str or len(branch) > MAX_BRANCH or not branch.isprintable():
         fail("name")
     if type(weight) is not float or not 0.0 <= weight <= 1.0:
@@ -231,10 +240,10 @@ def quality_of(found: Any) -> Quality:
 def _odd(value: Any, depth: int) -> Value:
     kind = type(value)
     if kind is float:
-        return value if value - value == 0.0 else fail("not finite")
+        return value if -LARGEST <= value <= LARGEST else fail("number")
     if kind is int:
         return value if MIN_INTEGER <= value <= MAX_INTEGER else fail("number")
-    if kind is str or kind is bool:
+    if kind is bool or (kind is str and len(value) <= MAX_VALUE_TEXT):
         return value
     if value is None:
         return NO_VALUE

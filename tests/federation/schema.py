@@ -140,11 +140,24 @@ def _is(kind: type, value: Any) -> bool:
 
 
 def count(value: Any, least: int = 0) -> bool:
-    return _is(int, value) and least <= value < 2**63
+    return _is(int, value) and least <= value <= 2**62
+
+
+def whole(value: Any) -> bool:
+    return _is(int, value) and -(2**63) <= value < 2**63
 
 
 def instant(value: Any) -> bool:
-    return count(value, -(2**63))
+    """From the year 69 to 3871, in microseconds."""
+    return whole(value) and abs(value) <= 60_000_000 * 10**9
+
+
+def stamp(value: Any) -> bool:
+    return instant(value) and value >= 0
+
+
+def number(value: Any) -> bool:
+    return _is(float, value) and abs(value) <= 1e30
 
 
 def unit(value: Any) -> bool:
@@ -190,7 +203,7 @@ def content(value: Any, depth: int = 0) -> bool:
     if _is(float, value):
         return isfinite(value)
     if _is(int, value):
-        return instant(value)
+        return whole(value)
     if _is(bytes, value):
         try:
             value.decode()
@@ -244,19 +257,21 @@ def act(payload: bytes) -> bool:
         and speaker(sender) and speaker(receiver, everybody=True) and (reply_to is None or speaker(reply_to))
         and (said is None or (isinstance(said, Map) and "" in dict(said.pairs) and content(said)))
         and all(word is None or identifier(word) for word in (*words, language, encoding, ontology))
-        and (reply_by is None or count(reply_by))
-        and count(boot) and count(seq) and count(created)
+        and (reply_by is None or stamp(reply_by))
+        and count(boot) and count(seq) and stamp(created)
         and _is(list, acks) and len(acks) <= 256 and all(count(ack) for ack in acks)
     )  # fmt: skip
 
 
 def value(found: Any, depth: int = 0) -> bool:
-    if found is None or _is(bool, found) or _is(str, found):
+    if found is None or _is(bool, found):
         return True
+    if _is(str, found):
+        return len(found) <= 16_384
     if _is(float, found):
-        return isfinite(found)
+        return number(found)
     if _is(int, found):
-        return instant(found)
+        return whole(found)
     return _is(list, found) and depth < 4 and all(value(member, depth + 1) for member in found)
 
 
@@ -285,8 +300,7 @@ def quality(certainty: Any, covariance: Any) -> bool:
         and _is(list, covariance)
         and len(covariance) <= 16
         and all(
-            _is(list, row) and len(row) == len(covariance) and all(_is(float, each) and isfinite(each) for each in row)
-            for row in covariance
+            _is(list, row) and len(row) == len(covariance) and all(number(each) for each in row) for row in covariance
         )
     )
 
@@ -333,7 +347,7 @@ def wanted(payload: bytes) -> bool:
 def heartbeat(payload: bytes) -> bool:
     name, boot, seq, wall, version, hears, tails = _message(payload, 7)
     return (
-        unit(name) and all(count(number) for number in (boot, seq, wall, version))
+        unit(name) and all(count(each) for each in (boot, seq, version)) and stamp(wall)
         and _is(list, hears) and all(unit(heard) for heard in hears)
         and _is(list, tails)
         and all(_is(list, t) and len(t) == 3 and label(t[0]) and eight_hex(t[1]) and count(t[2]) for t in tails)
@@ -343,7 +357,7 @@ def heartbeat(payload: bytes) -> bool:
 @valid
 def pong(payload: bytes) -> bool:
     boot, *stamps = _message(payload, 4)
-    return count(boot) and all(instant(stamp) for stamp in stamps)
+    return count(boot) and all(map(instant, stamps))
 
 
 def table(found: Any, needed: dict[str, Callable[[Any], bool]], optional: dict[str, Callable[[Any], bool]]) -> bool:
@@ -373,10 +387,10 @@ def description(payload: bytes) -> bool:
         found,
         {"unit": unit, "boot": count, "version": count, "kind": _one_of("uav", "command-centre")},
         {
-            "clock_epoch_us": count,
+            "clock_epoch_us": stamp,
             "clock_speed": lambda speed: (_is(float, speed) or _is(int, speed)) and 0 < speed <= 1e6,
             "roster": lambda mark: mark is None or (_is(str, mark) and len(mark) == 16 and set(mark) <= HEX),
             "services": lambda rows: tables(rows, service, {"version": count}),
-            "labels": lambda rows: tables(rows, stream, {"period_us": count}),
+            "labels": lambda rows: tables(rows, stream, {"period_us": stamp}),
         },
     )

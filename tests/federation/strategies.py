@@ -13,7 +13,9 @@ NAMES = st.from_regex(r"[a-z][a-z0-9]{0,5}([-_][a-z0-9]{1,4}){0,2}", fullmatch=T
     lambda name: name not in {"sequence", "record"}
 )
 ANY_TEXT = st.text(st.characters(exclude_categories=["Cs"]), max_size=12)
-COUNTS = st.integers(0, 2**63 - 1)
+COUNTS = st.integers(0, 2**62)
+INSTANTS = st.integers(-(6 * 10**16), 6 * 10**16)
+STAMPS = st.integers(0, 6 * 10**16)
 ATOMS: st.SearchStrategy[ExprValue] = st.one_of(
     st.integers(-(2**63), 2**63 - 1),
     st.floats(allow_nan=False, allow_infinity=False),
@@ -58,11 +60,11 @@ ACTS = st.builds(
     AGENTS | st.just(AgentName("alarms", "all")),
     st.none() | EXPRESSIONS,
     *[st.none() | WORDS] * 4,
-    st.none() | COUNTS,
+    st.none() | STAMPS,
     *[st.none() | WORDS] * 3,
     st.none() | AGENTS,
     COUNTS,
     COUNTS,
-    COUNTS,
+    STAMPS,
     st.lists(COUNTS, max_size=3).map(tuple),
 )

@@ -1,7 +1,6 @@
 """Answers of every kind, and the end of a conversation."""
 
-from federation.messages.contents.parts import Content, Prose, Unit, Word
-from federation.messages.descriptions import Count
+from federation.messages.contents.parts import Content, Generation, Prose, Unit, Word
 
 
 class Reason(Content):
@@ -14,7 +13,7 @@ class Reason(Content):
     text: Prose
     code: Word | None = None
     leader: Unit | None = None
-    generation: Count | None = None
+    generation: Generation | None = None
 
 
 class Done(Content):

@@ -1,8 +1,9 @@
 """Areas that are divided among platforms (thesis 9.2.3)."""
 
-from typing import Annotated
+from itertools import chain
+from typing import Annotated, Self
 
-from pydantic import AfterValidator, Field
+from pydantic import AfterValidator, Field, model_validator
 
 from dyknow.model.errors import Refused
 from federation.messages.contents import parts
@@ -11,6 +12,8 @@ from navigation.areas import Area
 
 MAX_CORNERS = 32
 """Of an area that is to be divided; a piece has a few more."""
+ROUNDED_DEG = 1e-6
+"""So far a corner of a piece may lie outside the whole area."""
 
 
 def _corner(text: str) -> str:
@@ -23,10 +26,15 @@ def _corner(text: str) -> str:
     return text
 
 
+def _degrees(corner: str) -> tuple[float, float]:
+    latitude, longitude = corner.split()
+    return float(latitude), float(longitude)
+
+
 def _border(corners: tuple[str, ...]) -> tuple[str, ...]:
     """Corners that an area can be made of, whoever does so later."""
     try:
-        Area([(float(latitude), float(longitude)) for latitude, longitude in map(str.split, corners)])
+        Area([*map(_degrees, corners)])
     except Refused as refused:
         raise ValueError(refused.reason) from None
     return corners
@@ -37,6 +45,7 @@ ScanHeight = Annotated[float, Field(ge=5, le=500)]
 Border = Annotated[tuple[Corner, ...], Field(min_length=3, max_length=MAX_CORNERS), AfterValidator(_border)]
 """Of an area that can be divided: a polygon that does not cross itself."""
 Ring = Annotated[tuple[Corner, ...], Field(min_length=3, max_length=4 * MAX_CORNERS)]
+"""Of a piece: what is left of an area after cuts, a sliver as well."""
 
 
 class DivideArea(parts.Content):
@@ -65,10 +74,10 @@ class AssignArea(parts.Content):
     """
 
     task: parts.Conversation
-    generation: Count
+    generation: parts.Generation
     rings: Annotated[tuple[AreaRing, ...], Field(max_length=MAX_CORNERS)] = ()
-    area_m2: Annotated[float, Field(ge=0)] = Field(default=0.0, alias="area_m2")
-    share: Annotated[float, Field(ge=0, le=1)] = 0.0
+    area_m2: parts.SquareMetres = Field(default=0.0, alias="area_m2")
+    share: parts.Share = 0.0
     middle: Corner = "0 0"
     whole: Border
     sensor: SemanticLabel | None = None
@@ -76,3 +85,16 @@ class AssignArea(parts.Content):
     delegator: parts.Unit | None = None
     units: parts.Units = ()
     delegate_boot: Count = 0
+
+    @model_validator(mode="after")
+    def _is_of_the_whole(self) -> Self:
+        """The piece lies where the area does."""
+        if not self.rings:
+            return self
+        spans = [
+            (min(each) - ROUNDED_DEG, max(each) + ROUNDED_DEG) for each in zip(*map(_degrees, self.whole), strict=True)
+        ]
+        for corner in chain.from_iterable(ring.corners for ring in self.rings):
+            if not all(least <= at <= most for at, (least, most) in zip(_degrees(corner), spans, strict=True)):
+                raise ValueError(f"the piece has a place outside the whole area: {corner}")
+        return self

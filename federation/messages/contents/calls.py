@@ -1,14 +1,8 @@
 """Calls for a stream, and what is proposed for them: the contract net of FIPA (SC00029; thesis 9.2.3)."""
 
-from typing import Annotated
-
-from pydantic import Field
-
 from dyknow.model.instants import US_PER_S
 from federation.messages.contents import parts
 from federation.messages.descriptions import Cost, SemanticLabel
-
-Certainty = Annotated[float, Field(ge=0, le=1)]
 
 
 class CallForStream(parts.Content):
@@ -18,7 +12,7 @@ class CallForStream(parts.Content):
     semantic_label: SemanticLabel
     sample_period_s: parts.Period
     delay_s: parts.Seconds
-    min_certainty: Certainty = 0.0
+    min_certainty: parts.Share = 0.0
 
     @property
     def sample_us(self) -> int:
@@ -36,7 +30,7 @@ class StreamProposal(parts.Content):
     cost: Cost
     sample_period_s: parts.Period
     delay_s: parts.Seconds
-    certainty: Certainty = 0.0
+    certainty: parts.Share = 0.0
 
 
 class TakeProposal(parts.Content):

@@ -2,13 +2,22 @@
 
 from typing import Annotated
 
-from pydantic import AfterValidator, Field
+from pydantic import Field
 
-from federation.messages.contents.parts import MAX_LIST, Content, Instant, Line, Period, Seconds, Values, Word
-from federation.messages.sexpr import QuotedText
+from federation.messages.contents.parts import (
+    MAX_LIST,
+    TO_PARSE,
+    Content,
+    Instant,
+    Line,
+    Seconds,
+    Timeout,
+    Values,
+    Word,
+)
 
 LONGEST = 32_768
-Chronicles = Annotated[str, Field(min_length=1, max_length=LONGEST), AfterValidator(QuotedText)]
+Chronicles = Annotated[str, Field(min_length=1, max_length=LONGEST), TO_PARSE]
 
 
 class Recognise(Content):
@@ -18,7 +27,7 @@ class Recognise(Content):
     """
 
     text: Chronicles
-    timeout_s: Period | None = None
+    timeout_s: Timeout | None = None
     delay_s: Seconds | None = None
     partial: bool | None = None
 

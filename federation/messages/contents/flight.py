@@ -5,19 +5,32 @@ from typing import Annotated
 from pydantic import Field
 
 from federation.messages.contents.areas import Corner
-from federation.messages.contents.parts import Content, ContentPart, Line, Number, Period, Unit, Units, Word
+from federation.messages.contents.parts import (
+    AltitudeM,
+    Content,
+    ContentPart,
+    Integer,
+    LatitudeDeg,
+    Line,
+    LongitudeDeg,
+    Metres,
+    Number,
+    Timeout,
+    Unit,
+    Units,
+    Word,
+)
 
 MOST_PLACES, MOST_FENCES = 64, 16
 _Places = Annotated[tuple[Corner, ...], Field(max_length=MOST_PLACES)]
-_Metres = Annotated[float, Field(ge=-100_000, le=1_000_000)]
 
 
 class Goto(Content):
     """Fly to a point: WGS-84, metres above mean sea level."""
 
-    latitude_deg: Annotated[float, Field(ge=-90, le=90)] = Field(alias="latitude_deg")
-    longitude_deg: Annotated[float, Field(ge=-180, le=180)] = Field(alias="longitude_deg")
-    altitude_m: Annotated[float, Field(ge=-1000, le=100_000)] = Field(alias="altitude_m")
+    latitude_deg: LatitudeDeg = Field(alias="latitude_deg")
+    longitude_deg: LongitudeDeg = Field(alias="longitude_deg")
+    altitude_m: AltitudeM = Field(alias="altitude_m")
 
 
 class Hold(Content):
@@ -66,8 +79,8 @@ class Fault(Content):
     """Make a simulated vehicle fail: `kind` e.g. `gps-loss`; `value` where the kind needs one; for `duration_s`."""
 
     kind: Word
-    value: bool | int | Number | Line | None = None
-    duration_s: Period | None = None
+    value: bool | Integer | Number | Line | None = None
+    duration_s: Timeout | None = None
 
 
 class Fence(ContentPart):
@@ -75,9 +88,9 @@ class Fence(ContentPart):
 
     name: Line
     centre: Corner | None = None
-    radius_m: _Metres | None = Field(default=None, alias="radius_m")
-    lowest_m: _Metres | None = Field(default=None, alias="lowest_m")
-    highest_m: _Metres | None = Field(default=None, alias="highest_m")
+    radius_m: Metres | None = Field(default=None, alias="radius_m")
+    lowest_m: Metres | None = Field(default=None, alias="lowest_m")
+    highest_m: Metres | None = Field(default=None, alias="highest_m")
     corners: _Places = ()
 
 
@@ -96,6 +109,6 @@ class FlightOutlook(Content):
     doing: Line = ""
     ahead: _Places = ()
     again: bool = False
-    altitude_m: _Metres | None = Field(default=None, alias="altitude_m")
+    altitude_m: Metres | None = Field(default=None, alias="altitude_m")
     fences: Annotated[tuple[Fence, ...], Field(max_length=MOST_FENCES)] = ()
     origin: Corner | None = None

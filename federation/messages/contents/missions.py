@@ -2,11 +2,10 @@
 
 from typing import Annotated, Literal
 
-from pydantic import AfterValidator, Field
+from pydantic import Field
 
 from federation.messages.contents import parts
 from federation.messages.descriptions import Cost, Count
-from federation.messages.sexpr import QuotedText
 
 LONGEST_DOMAIN = 24_000
 """Characters of a domain, and of a problem, in an act."""
@@ -14,9 +13,7 @@ MAX_ACTIONS = 256
 MAX_COMMANDS = 16
 MAX_UNITS = 32
 
-DomainText = Annotated[
-    str, Field(max_length=LONGEST_DOMAIN), AfterValidator(parts.no_control), AfterValidator(QuotedText)
-]
+DomainText = Annotated[str, Field(max_length=LONGEST_DOMAIN), parts.TO_PARSE]
 Actions = Annotated[tuple[parts.Line, ...], Field(max_length=MAX_ACTIONS)]
 Chain = Annotated[tuple[parts.Unit, ...], Field(max_length=4)]
 _UnitNames = Annotated[dict[parts.Word, parts.Unit], Field(max_length=MAX_UNITS)]
@@ -42,7 +39,7 @@ class FlyMission(parts.Content):
     is_whole: bool = False
     platforms: _UnitNames = Field(default_factory=dict)
     chain: Chain = ()
-    timeout_s: parts.Period = 10.0
+    timeout_s: parts.Timeout = 10.0
 
 
 class CallForMission(FlyMission):
@@ -98,14 +95,14 @@ class KeepMission(parts.Content):
     domain: DomainText = ""
     platforms: _UnitNames
     chain: Chain = ()
-    timeout_s: parts.Period = 10.0
+    timeout_s: parts.Timeout = 10.0
 
 
 class CommandEntry(parts.ContentPart):
     """One command to a vehicle: degrees, metres above home, seconds."""
 
     name: parts.Word
-    numbers: Annotated[tuple[parts.Number, ...], Field(max_length=8)] = ()
+    numbers: Annotated[tuple[parts.Metres, ...], Field(max_length=8)] = ()
 
 
 class PerformCommands(parts.Content):

@@ -30,7 +30,7 @@ class CreateMonitor(parts.Content):
     coordinator: parts.Unit | None = None
     delegator: parts.Unit | None = None
     delegate: parts.Unit | None = None
-    generation: Count | None = None
+    generation: parts.Generation | None = None
     sample_period_s: parts.Period | None = None
     delay_s: parts.Seconds | None = None
     avoidance: bool | None = None
@@ -43,7 +43,7 @@ class HandOver(parts.Content):
     task: parts.Conversation
     coordinator: parts.Unit
     boot: Count
-    generation: Count
+    generation: parts.Generation
 
 
 class RemoveMonitor(parts.Content):
@@ -56,11 +56,11 @@ class Because(parts.ContentPart):
     part of the formula, since when and until when.
     """
 
-    part: parts.Formula
+    part: parts.Printed
     holds: bool
     samples: parts.Values = Field(default_factory=dict)
     members: parts.Values = Field(default_factory=dict)
-    within: parts.Formula | None = None
+    within: parts.Printed | None = None
     since_us: parts.Instant | None = None
     until_us: parts.Instant | None = None
 
@@ -167,7 +167,7 @@ class CheckFormula(parts.Content):
     """Check a formula over live states until it is decided, or for `timeout_s`."""
 
     text: parts.Formula
-    timeout_s: parts.Period | None = None
+    timeout_s: parts.Timeout | None = None
 
 
 def _expression(value: Any) -> Expr:

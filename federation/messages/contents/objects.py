@@ -2,10 +2,9 @@
 
 from typing import Annotated, ClassVar, Literal
 
-from pydantic import AfterValidator, Field
+from pydantic import Field
 
 from federation.messages.contents import parts
-from federation.messages.sexpr import QuotedText
 
 
 class ObjectEntry(parts.ContentPart):
@@ -129,9 +128,7 @@ class WantObject(parts.Content):
     head: ClassVar[str] = "want"
     symbol: parts.Word
     type: parts.Line
-    description: Annotated[
-        str, Field(min_length=1, max_length=1000), AfterValidator(parts.no_control), AfterValidator(QuotedText)
-    ]
+    description: Annotated[str, Field(min_length=1, max_length=1000), parts.TO_PARSE]
     recover: Literal["no", "yes", "cautious"] = "no"
     within_m: Annotated[float, Field(gt=0, le=500)] = Field(default=60.0, alias="within_m")
     standoff_m: Annotated[float, Field(ge=1, le=200)] = Field(default=25.0, alias="standoff_m")

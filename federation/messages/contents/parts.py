@@ -1,5 +1,7 @@
 """What acts say: one strict model for each head an expression may have. `read` understands, `expr()` says.
 
+A content is validated whole when it is read: each field is of one of the sorts below, which say in which range a number is
+that later arithmetic bears, and how long, and how deeply nested, a text is. What a handler gets needs no check of that kind.
 Periods and delays are seconds (`_s`), as the thesis prints them; instants are microseconds since the epoch (`_us`).
 Names print with hyphens, but for those that name a quantity (`altitude_m`).
 """
@@ -12,16 +14,22 @@ from typing import Annotated, Any, ClassVar, Literal, TypeAlias
 from pydantic import AfterValidator, BaseModel, BeforeValidator, ConfigDict, Field, ValidationError, model_validator
 
 from dyknow.model.errors import ContentError, NameRefused
-from dyknow.model.values import NoValue
+from dyknow.model.instants import LATEST_US
+from dyknow.model.values import LARGEST, NoValue
 from federation import keys
 from federation.messages.acts import AgentName
 from federation.messages.descriptions import SemanticLabel, in_one_line
 from federation.messages.descriptions import Unit as UnitName
-from federation.messages.sexpr import Expr, ExprValue, QuotedText
+from federation.messages.sexpr import MAX_INTEGER, MIN_INTEGER, Expr, ExprValue, QuotedText
 
 MAX_LIST = 512
 LONGEST_TEXT = 8192
 """Characters of a formula or a specification in an act."""
+DEEPEST = 64
+"""Brackets within brackets, in a text that is to be parsed here."""
+LONGEST_S = 86_400.0
+LEAST_PERIOD_S = 0.001
+LAST_GENERATION = 2**31
 
 
 def _unit(value: Any) -> Any:
@@ -77,6 +85,28 @@ def no_control(value: str) -> str:
     return value
 
 
+_BRACKETS = re.compile(r"[()\[\]{}]")
+
+
+def _to_parse(value: str) -> QuotedText:
+    """The same text; raises ValueError if it would command a terminal, or if its brackets are nested too deep."""
+    depth = 0
+    for bracket in _BRACKETS.finditer(value):
+        depth = depth + 1 if bracket[0] in "([{" else max(0, depth - 1)
+        if depth > DEEPEST:
+            raise ValueError(f"brackets are nested deeper than {DEEPEST}, from character {bracket.start() + 1} on")
+    return QuotedText(no_control(value))
+
+
+TO_PARSE = AfterValidator(_to_parse)
+"""Of a text that is parsed here; next to it stands how many characters it may have."""
+
+
+def next_generation(generation: int) -> int:
+    """The number of the next coordinator, or division, of a task; that of the last is kept."""
+    return min(generation + 1, LAST_GENERATION)
+
+
 Unit = Annotated[UnitName, BeforeValidator(_unit)]
 Units = Annotated[tuple[Unit, ...], Field(max_length=MAX_LIST)]
 SemanticLabels = Annotated[tuple[SemanticLabel, ...], Field(min_length=1, max_length=MAX_LIST)]
@@ -84,16 +114,30 @@ Word = Annotated[str, Field(min_length=1, max_length=64), AfterValidator(_shown)
 Text = Annotated[str, Field(max_length=1024)]
 Line = Annotated[str, Field(max_length=1024), AfterValidator(in_one_line)]
 Prose = Annotated[str, Field(max_length=4096), AfterValidator(QuotedText)]
-Formula = Annotated[str, Field(max_length=LONGEST_TEXT), AfterValidator(no_control), AfterValidator(QuotedText)]
+Printed = Annotated[str, Field(max_length=LONGEST_TEXT), AfterValidator(no_control), AfterValidator(QuotedText)]
+"""A text that is shown, and not parsed."""
+Formula = Annotated[str, Field(max_length=LONGEST_TEXT), TO_PARSE]
 Conversation = Annotated[str, AfterValidator(_conversation)]
 Agent = Annotated[str, AfterValidator(_speaker)]
 Truth = Annotated[Literal["true", "false", "undecided"], BeforeValidator(_truth)]
-Period = Annotated[float, Field(gt=0, le=86_400)]
-Seconds = Annotated[float, Field(ge=0, le=86_400)]
-Instant = Annotated[int, Field(ge=-(2**63), lt=2**63)]
-Number = Annotated[float, Field(allow_inf_nan=False)]
-Scalar: TypeAlias = bool | int | Number | Text | NoValue
-Values = Annotated[dict[Annotated[str, Field(min_length=1, max_length=256)], Scalar], Field(max_length=256)]
+Period = Annotated[float, Field(ge=LEAST_PERIOD_S, le=LONGEST_S)]
+"""Between samples, in seconds."""
+Timeout = Annotated[float, Field(ge=LEAST_PERIOD_S, le=LONGEST_S)]
+Seconds = Annotated[float, Field(ge=0, le=LONGEST_S)]
+Instant = Annotated[int, Field(ge=-LATEST_US, le=LATEST_US)]
+Generation = Annotated[int, Field(ge=0, le=LAST_GENERATION)]
+Number = Annotated[float, Field(ge=-LARGEST, le=LARGEST)]
+Integer = Annotated[int, Field(ge=MIN_INTEGER, le=MAX_INTEGER)]
+Share = Annotated[float, Field(ge=0, le=1)]
+LatitudeDeg = Annotated[float, Field(ge=-90, le=90)]
+LongitudeDeg = Annotated[float, Field(ge=-180, le=180)]
+AltitudeM = Annotated[float, Field(ge=-1000, le=100_000)]
+Metres = Annotated[float, Field(ge=-100_000, le=1_000_000)]
+SquareMetres = Annotated[float, Field(ge=0, le=1e12)]
+Scalar: TypeAlias = bool | Integer | Number | Text | NoValue
+FieldName = Annotated[str, Field(min_length=1, max_length=256)]
+Values = Annotated[dict[FieldName, Scalar], Field(max_length=256)]
+Variances = Annotated[dict[FieldName, Annotated[float, Field(ge=0, le=LARGEST)]], Field(max_length=256)]
 
 
 def _alias(name: str) -> str:

@@ -53,7 +53,7 @@ class ActLog(parts.Content):
     direction: Literal["in", "out"]
     peer: parts.Line
     outcome: parts.Prose
-    act: parts.Formula | None = None
+    act: parts.Printed | None = None
 
 
 class ActList(parts.Content):
@@ -104,7 +104,7 @@ class Specification(parts.Content):
 class SpecificationText(parts.Content):
     """Part of a specification; `at_us` is since when it is, or was, held (federation time), `last` the newest number."""
 
-    text: parts.Formula
+    text: parts.Printed
     number: Count
     last: Count
     at_us: parts.Instant

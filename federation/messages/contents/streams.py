@@ -2,13 +2,29 @@
 
 from typing import Annotated, Literal, Self, TypeAlias
 
-from pydantic import Field, model_validator
+from pydantic import AfterValidator, Field, model_validator
 
+from dyknow.model.errors import DyknowError
 from dyknow.model.instants import US_PER_S
 from dyknow.model.sample import MAX_BRANCH
 from dyknow.model.values import NoValue
+from dyknow.policies.policy import MAX_POLICY, Policy
 from federation.messages.contents import parts
 from federation.messages.descriptions import Count, Hash, SemanticLabel
+
+
+def _policy(value: str) -> str:
+    """The text of a policy that a stream can have, at a period that is borne here."""
+    try:
+        policy = Policy.parse(value)
+    except DyknowError as wrong:
+        raise ValueError(str(wrong).splitlines()[0]) from None
+    if policy.sample_us is not None and policy.sample_us < parts.LEAST_PERIOD_S * US_PER_S:
+        raise ValueError(f"a stream has at most a sample every {parts.LEAST_PERIOD_S} s")
+    return value
+
+
+PolicyText = Annotated[str, Field(max_length=MAX_POLICY), AfterValidator(_policy)]
 
 
 class CreateMulticast(parts.Content):
@@ -46,7 +62,7 @@ class Stream(parts.Content):
 
     owner: parts.Unit
     semantic_labels: parts.SemanticLabels
-    policy: parts.Line
+    policy: PolicyText
     hash: Hash
 
 
@@ -131,10 +147,10 @@ class Reading(parts.ContentPart):
     valid_us: parts.Instant
     available_us: parts.Instant
     value: parts.Values | NoValue
-    variance: parts.Values | None = None
+    variance: parts.Variances | None = None
     made_us: parts.Instant | None = None
     branch: Annotated[parts.Line, Field(max_length=MAX_BRANCH)] = ""
-    weight: Annotated[float, Field(ge=0, le=1)] = 1.0
+    weight: parts.Share = 1.0
 
 
 class Missing(parts.ContentPart):

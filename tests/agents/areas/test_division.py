@@ -242,7 +242,7 @@ def test_an_assignment_by_another_than_the_leader_is_refused_and_counted(wire):
     wire.run(2)
     before = pieces(wire)
     forged = AssignArea(
-        task=asked.conversation, generation=99, rings=(AreaRing(corners=("1 1", "1 2", "2 2")),), share=1.0, whole=WHOLE
+        task=asked.conversation, generation=99, rings=(AreaRing(corners=WHOLE[:3]),), share=1.0, whole=WHOLE
     )
     wire.speak("cc", lambda member, now_us: member.acts.tell("1", forged, now_us))
     wire.run(0.5)

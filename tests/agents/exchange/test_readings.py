@@ -32,3 +32,23 @@ def test_a_platform_counts_as_far_as_it_is_trusted() -> None:
     assert weighed is not None
     assert mean.value == {"altitude_m": pytest.approx(14.0 / 1.2)}
     assert weighed.value == {"altitude_m": pytest.approx((10 / 4 + 20 * 0.2) / (1 / 4 + 0.2))}
+
+
+@pytest.mark.parametrize("variance", [0.0, 5e-324, 1e-30, 1e30])
+def test_a_variance_that_no_measurement_has_ends_no_merge(variance: float) -> None:
+    found = [(reading(3, 10.0, 4.0), 1.0), (reading(5, 20.0, variance), 1.0)]
+    weighed = merge_inverse_variance(found)
+    assert weighed is not None
+    assert weighed.value == {"altitude_m": pytest.approx(10.0)}
+    assert select_best(found) is not None
+
+
+def test_a_field_whose_variance_one_does_not_state_is_left_out() -> None:
+    """A reading may state the variance of other fields than it has."""
+    odd = Reading(valid_us=1, available_us=1, value={"altitude_m": 5.0, "a": 1.0}, variance={"b": 1.0, "a": 2.0})
+    plain = Reading(
+        valid_us=1, available_us=1, value={"altitude_m": 5.0, "a": 4.0}, variance={"altitude_m": 1.0, "a": 1.0}
+    )
+    weighed = merge_inverse_variance([(odd, 1.0), (plain, 1.0)])
+    assert weighed is not None
+    assert weighed.value == {"a": pytest.approx(3.0)}

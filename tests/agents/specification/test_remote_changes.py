@@ -146,7 +146,7 @@ def test_the_first_configuration_is_restored_however_many_changes_came_after_it(
             "declarations of cc:1:1: a:",
         ),
         (
-            AddDeclarations(text='roads "a"', files=(NamedText(path="a", text="[" * 8000),)),
+            AddDeclarations(text='roads "a"', files=(NamedText(path="a", text="[" * 60),)),
             "text",
             "declarations of cc:1:1: a:",
         ),
