@@ -14,7 +14,7 @@ import typer
 from typer.core import TyperCommand, TyperGroup, TyperOption
 from typer.main import get_command
 
-from console.errors import DONE, INTERRUPTED, exit_code
+from console.errors import DONE, INTERRUPTED, WRONG, exit_code
 from console.output.output import Output
 from console.output.shown import printable
 from dyknow.model.errors import DyknowError
@@ -169,6 +169,8 @@ _CONTEXT = Parameter("context", Parameter.POSITIONAL_OR_KEYWORD, annotation=type
 
 def _carried_out(function: Callable[..., int], context: typer.Context, given: dict[str, Any], own: list[str]) -> int:
     """Run the command; its errors become a sentence on standard error and an exit code."""
+    from pydantic import ValidationError
+
     from runtime.configuration.settings import Settings, load
 
     config = given.pop("config")
@@ -185,6 +187,11 @@ def _carried_out(function: Callable[..., int], context: typer.Context, given: di
     except DyknowError as error:
         sys.stderr.write(f"{context.command_path}: {printable(str(error))}\n")
         return exit_code(error)
+    except ValidationError as error:  # of what the command was to say to a platform
+        from federation.messages.contents.parts import in_words
+
+        sys.stderr.write(f"{context.command_path}: {printable(in_words(error))}\n")
+        return WRONG
     except KeyboardInterrupt:
         return INTERRUPTED
     except BrokenPipeError:

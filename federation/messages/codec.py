@@ -23,16 +23,7 @@ from federation import keys
 from federation.messages import unpacking
 from federation.messages.acts import PERFORMATIVES, Act, AgentName
 from federation.messages.descriptions import Description
-from federation.messages.sexpr import (
-    MAX_COUNT,
-    MAX_DEPTH,
-    MAX_INTEGER,
-    MIN_INTEGER,
-    Expr,
-    ExprValue,
-    QuotedText,
-    is_name,
-)
+from federation.messages.sexpr import MAX_COUNT, MAX_DEPTH, Expr, ExprValue, QuotedText, is_name
 from federation.messages.unpacking import kept, named, pack
 
 MAX_ACKS: Final = 256
@@ -262,7 +253,7 @@ def _value(value: Any, depth: int) -> Any:
     if kind is float:
         return value if value - value == 0.0 else unpacking.fail("not finite")
     if kind is int:
-        return value if MIN_INTEGER <= value <= MAX_INTEGER else unpacking.fail("number")
+        return unpacking.whole(value)
     if kind is bytes:
         return _text(value)
     if value is None:

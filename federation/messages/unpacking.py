@@ -105,6 +105,11 @@ def count(value: Any) -> int:
     return value
 
 
+def whole(value: int) -> int:
+    """An integer that a value has."""
+    return value if MIN_INTEGER <= value <= MAX_INTEGER else fail("number")
+
+
 def instant(value: Any) -> int:
     if type(value) is not int or not -LATEST_US <= value <= LATEST_US:
         fail("number")
@@ -242,7 +247,7 @@ def _odd(value: Any, depth: int) -> Value:
     if kind is float:
         return value if -LARGEST <= value <= LARGEST else fail("number")
     if kind is int:
-        return value if MIN_INTEGER <= value <= MAX_INTEGER else fail("number")
+        return whole(value)
     if kind is bool or (kind is str and len(value) <= MAX_VALUE_TEXT):
         return value
     if value is None:

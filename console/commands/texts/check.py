@@ -130,9 +130,9 @@ def _live(call: Call, text: str, unit: str, timeout_s: float) -> int:
     from runtime.library.jobs import failure_of
 
     parse_formula(text)
+    content = CheckFormula(text=text, timeout_s=timeout_s)
     with connected(call) as client:
         client.chosen(unit)
-        content = CheckFormula(text=text, timeout_s=timeout_s)
         dialogue = client.say(unit, Performative.QUERY_IF, content, standing=True)
         with call.out.waiting(f"platform {unit} is watching its states"):
             client.wait_for(lambda: bool(dialogue.trouble or dialogue.results), timeout_s + 3.0)

@@ -250,8 +250,13 @@ def read(expr: Expr) -> Content:
     try:
         return kind.model_validate(dict(expr.arguments))
     except ValidationError as wrong:
-        first = wrong.errors(include_url=False, include_input=False)[0]
-        place = ".".join(str(step) for step in first["loc"])
-        message = first["msg"].removeprefix("Value error, ")
-        more = f" (and {wrong.error_count() - 1} more)" if wrong.error_count() > 1 else ""
-        raise ContentError(f"({expr.head} ...): {f'{place}: ' if place else ''}{message}{more}"[:400]) from None
+        raise ContentError(f"({expr.head} ...): {in_words(wrong)}"[:400]) from None
+
+
+def in_words(wrong: ValidationError) -> str:
+    """What is wrong with a content, and in which of its parameters."""
+    first = wrong.errors(include_url=False, include_input=False)[0]
+    place = ".".join(str(step) for step in first["loc"])
+    message = first["msg"].removeprefix("Value error, ")
+    more = f" (and {wrong.error_count() - 1} more)" if wrong.error_count() > 1 else ""
+    return f"{f'{place}: ' if place else ''}{message}{more}"

@@ -144,3 +144,9 @@ def test_a_bare_always_over_a_measured_value_is_noted_with_a_formula_that_bears_
     assert "violates this; what counts only if it lasts: always eventually[0, 500ms] speed[uav1] <= 22" in " ".join(
         done.stderr.split()
     )
+
+
+def test_a_formula_that_no_platform_would_read_is_not_sent(dyknow: Run) -> None:
+    done = dyknow("check", f"always {'(' * 65}p{')' * 65}", "--unit", "0")
+    assert done.returncode == 2
+    assert done.stderr == "dyknow check: text: brackets are nested deeper than 64, from character 72 on\n"
