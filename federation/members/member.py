@@ -7,7 +7,6 @@ it learns it passes on to its `MemberAgents` by plain calls, in the order in whi
 
 from collections import Counter
 from collections.abc import Callable, Iterable, Sequence
-from functools import lru_cache
 from itertools import count
 from typing import Protocol
 
@@ -22,6 +21,7 @@ from federation.members.liveness import PlatformAppeared, PlatformGone, Platform
 from federation.members.offsets import ClockOffsets
 from federation.messages.acts import Performative
 from federation.messages.codec import Heartbeat, decode_description, decode_heartbeat
+from federation.messages.newest import Newest
 from federation.security.trust import Trust
 
 P = Performative
@@ -298,7 +298,9 @@ class Member:
         return True
 
 
-@lru_cache(maxsize=256)
+_beats = Newest(decode_heartbeat, len)
+
+
 def heartbeat_of(key: str, payload: bytes) -> Heartbeat | None:
     """The heartbeat that was put on `key`, of the unit that the key names; None if it is no heartbeat's key.
 
@@ -310,7 +312,7 @@ def heartbeat_of(key: str, payload: bytes) -> Heartbeat | None:
     name = keys.parse_key(key)
     if type(name) is not keys.HeartbeatKey:
         return None
-    beat = decode_heartbeat(payload)
+    beat = _beats(name.unit, payload)
     if beat.unit != name.unit:
         raise DecodeError("key")
     return beat
