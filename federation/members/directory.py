@@ -13,7 +13,7 @@ from typing import Literal, NamedTuple, TypeAlias
 from dyknow.model.semantic_labels import SemanticLabel
 from federation import keys, transport
 from federation.members.clock import FederationClock
-from federation.members.deafness import DeafnessWatchdog
+from federation.members.deafness import Contradicted, DeafnessWatchdog
 from federation.members.liveness import Liveness, LivenessEvent, Peer, PeerState, PlatformAppeared, PlatformGone
 from federation.members.offers import NO_OFFERS, OfferEvent, Offers, Service, changes
 from federation.members.replicas import PlatformRefused, Replica, Replicas
@@ -108,6 +108,11 @@ class DirectoryFacilitator:
     def refused(self) -> Counter[str]:
         """Descriptions that were not taken over, by reason."""
         return self._replicas.refused
+
+    @property
+    def contradicted(self) -> tuple[Contradicted, ...]:
+        """What single platforms say of who hears whom, against the others."""
+        return self._watchdog.contradicted
 
     # Own entry
 
