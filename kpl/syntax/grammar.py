@@ -5,11 +5,12 @@ To build the tables of a parser takes longer than to read most specifications: t
 pickle): folder and file are used only if they belong to this user, and no other may write there. Where tables cannot be
 kept, they are built each time.
 
-A hostile text can neither exhaust the stack nor the clock: length and bracket depth are looked at before parsing,
-nesting of the parse tree before anything walks it recursively.
+A hostile text can neither exhaust the stack nor the clock: length, number of tokens and bracket depth are looked at before
+parsing, nesting of the parse tree before anything walks it recursively.
 """
 
 import os
+import re
 import sys
 from collections.abc import Callable, Mapping
 from contextlib import suppress
@@ -31,7 +32,12 @@ if TYPE_CHECKING:
 LIMIT_CHARACTERS: Final = 64 * 1024
 LIMIT_PROBLEM: Final = 1024 * 1024
 """Characters of a planning domain or problem, which lists what is initially so."""
+LIMIT_TOKENS: Final = 24_000
+"""Names, numbers, strings and signs of a text: to parse one takes about 20 us. A text of so many characters has half of it."""
+LIMIT_FORMULA: Final = 12_000
+LIMIT_PROBLEM_TOKENS: Final = 40_000
 LIMIT_NESTING: Final = 200
+_PIECE: Final = r'"[^"\n]*"|\w+(?:-\w+)*|[^\w\s]'
 _OPENING, _CLOSING = "([{", ")]}"
 _CHAINS = ("sum", "product", "time_term", "time_product", "combined", "intersection", "shifted")
 
@@ -44,16 +50,25 @@ class Text(NamedTuple):
     language: str
     inner: str = "define the inner parts as features of their own"
     characters: int = LIMIT_CHARACTERS
+    tokens: int = LIMIT_TOKENS
+    comment: str = "#"
 
 
 TEXTS: Final[Mapping[str, Text]] = {
-    "formula_only": Text("kpl.lark", "formula_only", "formulas"),
+    "formula_only": Text("kpl.lark", "formula_only", "formulas", tokens=LIMIT_FORMULA),
     "start": Text("kpl.lark", "start", "statements"),
     "chronicles": Text("chronicles.lark", "start", "chronicles", "name the inner parts: domain D = ..."),
     "domains": Text(
-        "domains.lark", "start", "domains", "define the inner parts: #define name(...) := ...", LIMIT_PROBLEM
+        "domains.lark",
+        "start",
+        "domains",
+        "define the inner parts: #define name(...) := ...",
+        LIMIT_PROBLEM,
+        LIMIT_PROBLEM_TOKENS,
+        "//",
     ),
 }
+_TOKENS: Final = {mark: re.compile(f"({mark}[^\\n]*)|{_PIECE}") for mark in {text.comment for text in TEXTS.values()}}
 
 
 @cache
@@ -131,6 +146,7 @@ def parse_tree(text: str, kind: str) -> "Tree[Token]":
 
     known = TEXTS[kind]
     _check_length(text, known.characters)
+    _check_tokens(text, known)
     _check_brackets(text, known.inner)
     try:
         tree = parser(known.grammar).parse(text, start=known.begin)
@@ -147,6 +163,20 @@ def _check_length(text: str, limit: int) -> None:
             file=file_of(text),
             repair="split it, or define its parts as features of their own",
         )
+
+
+def _check_tokens(text: str, known: Text) -> None:
+    """Before they are looked at: a text of two characters a token is the slowest to parse."""
+    if len(text) <= known.tokens:
+        return
+    number = 0
+    for token in _TOKENS[known.comment].finditer(text):
+        number += token[1] is None
+        if number > known.tokens:
+            message = f"the text has more than {known.tokens} names, numbers and signs"
+            raise TextError.at_offset(
+                text, token.start(), message, repair="split it, or define its parts by themselves"
+            )
 
 
 def _too_deep(text: str, offset: int, repair: str) -> TextError:
