@@ -96,7 +96,15 @@ class Member:
             questions=self._questions,
             clock=self.clock,
             roster=roster,
+            member_of=self._member_of,
         )
+
+    def _member_of(self, unit: str) -> str | None:
+        """The member of the roster that a unit is, or whose command; without a roster it is itself."""
+        if self.trust is None:
+            return unit
+        found = self.trust.roster.member(unit)
+        return None if found is None else found.unit
 
     # -- coming and going --------------------------------------------------------------------------------------
 

@@ -170,6 +170,9 @@ class Replicas:
         asks = []
         for unit in self._due.pop_due(now_us):
             replica = self._replicas[unit]
+            if unit not in self._peers:  # its name has given way to others
+                self.drop(unit)
+                continue
             if replica.asked is not None:
                 del self._asking[replica.asked]
             asks.append(self._ask(replica, now_us))
