@@ -8,8 +8,8 @@ from collections.abc import Callable, Sequence
 from typing import Any, TypeAlias
 
 from agents.actions import Action, Role, ServiceTable
-from agents.admission.limits import ActLimits
-from agents.containment import Containment, place_of
+from agents.admission.containment import Containment
+from agents.admission.limits import COMMANDING, TEXT_BURST, TEXT_PER_S, ActLimits, text_in
 from agents.interface import InterfaceAgent
 from agents.part import ClockCompared, Followed, Part, PeerChange
 from dyknow.model import errors
@@ -76,6 +76,7 @@ class Admission(Part):
         contain: Containment,
     ) -> None:
         self._interface, self._parts, self._limits, self._role_of = agent, tuple(parts), limits, role_of
+        self._texts = ActLimits(TEXT_PER_S, TEXT_BURST)
         self._contain, self._refuse, self._unit = contain, refuse, agent.unit
         self.table = ServiceTable(offer for part in parts for offer in part.offers)
         self._handlers: dict[str, Handler] = {
@@ -175,6 +176,7 @@ class Admission(Part):
             raise Denied(f"{act.performative} is not taken: {NOT_TAKEN[act.performative]}", "performative")
         if act.content is None:
             raise errors.ContentError("an act without content has no meaning")
+        self._check_text(act, now_us)
         content = read(act.content)
         service, action = self.table.of(content.head, act.performative)
         self._check_door(act, service)
@@ -189,6 +191,17 @@ class Admission(Part):
         if service.visibility is Visibility.PROTECTED and not through_interface:
             text = f"{service.service} is protected on {self._unit}; ask {INTERFACE}@{self._unit}"
             raise Denied(text, Visibility.PROTECTED)
+
+    def _check_text(self, act: Act, now_us: int) -> None:
+        """Raise Denied if the sender has sent more text of late than is read here."""
+        cost = text_in(act.content)
+        if cost == 0:
+            return
+        sender = act.sender.unit
+        share = COMMANDING if self._role_of(sender) is Role.COMMAND_CENTRE else 1
+        if not self._texts.admit(sender, now_us, cost / share):
+            text = f"{sender} sends more than {share * TEXT_PER_S:.0f} characters a second; ask more slowly"
+            raise Denied(text, "too-much-text")
 
     def _check_role(self, unit: str, action: Action) -> None:
         if self._role_of(unit) >= action.role:

@@ -8,7 +8,7 @@ from typing import Final
 
 from agents.actions import FEDERATION, QUERIED, SUBSCRIBED, Action, Offer, Role
 from agents.admission.message_log import ACCOUNT
-from agents.containment import Containment
+from agents.directory.doubts import PeerDoubts
 from agents.effects import Effect, Halt, Impaired, LeaveRequested
 from agents.interface import InterfaceAgent
 from agents.part import ClockCompared, Followed, Part, PeerChange
@@ -100,7 +100,7 @@ class DirectoryAgent(Part):
         self._member, self._emit, self._note = member, emit, note
         self._noted: set[str] = set()
         self._impaired: dict[str, int] = {}
-        self._suspicions: dict[str, int] = {}
+        self._doubts = PeerDoubts(member)
         self._subscribers = Subscribers(agent, tasks)
         self._members: tuple[str, ...] | None = None
         self._missing: dict[str, int] = {}
@@ -124,8 +124,8 @@ class DirectoryAgent(Part):
         self._member.take(self.facilitator.declare(offered, labels, now_us, tails, conditions, own), now_us)
 
     def conditions(self) -> Sequence[ConditionEntry]:
-        failed = [ConditionEntry(text=text, since_us=at_us) for text, at_us in self._impaired.items()]
-        return failed + [ConditionEntry(text=text, since_us=at_us) for text, at_us in self._suspicions.items()]
+        own = [ConditionEntry(text=text, since_us=at_us) for text, at_us in self._impaired.items()]
+        return [*own, *self._doubts.conditions()]
 
     def on_impaired(self, event: Impaired, now_us: int) -> Followed:
         """Something of the process failed, for the rest of its life."""
@@ -220,20 +220,11 @@ class DirectoryAgent(Part):
 
     def on_time(self, now_us: int) -> None:
         """Judge the silent, ask for what is not known, put again what is not acknowledged, beat."""
-        for step in self._member.steps:
-            self._contain.step(self, step, now_us)
-        stated = self.facilitator.suspicions
-        if stated or self._suspicions:
-            self._suspect(set(list(stated.values())[:IMPAIRED]), now_us)
-
-    def _suspect(self, texts: set[str], now_us: int) -> None:
-        """Show what single members state about sessions, while they do."""
-        if texts == self._suspicions.keys():
-            return
-        for text in sorted(texts - self._suspicions.keys()):
-            self._note_once(f"{text}: one witness is no evidence, and the session stays")
-        self._suspicions = {text: self._suspicions.get(text, now_us) for text in sorted(texts)}
-        self.offer(now_us)
+        self._member.on_time(now_us)
+        if self._doubts.look():
+            for condition in self._doubts.conditions():
+                self._note_once(condition.text)
+            self.offer(now_us)
 
     # -- questions and subscriptions ---------------------------------------------------------------------------
 
@@ -265,6 +256,10 @@ class DirectoryAgent(Part):
     def on_peer(self, change: PeerChange, now_us: int) -> None:
         """Inform the subscribers, and remember which platform is missing."""
         self._on_own(change, now_us)
+        if isinstance(change, ClockCompared):
+            self._doubts.on_clock(change.unit, now_us)
+        elif isinstance(change, liveness.PlatformGone):
+            self._doubts.on_gone(change.unit)
         self._note_missing(change)
         if isinstance(change, ServiceAppeared) and change.service.service == DIRECTORY.service:
             self._ask_missing(change.unit, now_us)

@@ -197,9 +197,8 @@ class Coordination(Part):
     def _progress(self, led: CoordinatedTask, step: str, unit: str, now_us: int) -> None:
         is_ours = led.leader == self._unit and led.task in self._life.coordinated
         if is_ours and self._reachable(led.delegator):
-            self._agent.tell(
-                led.delegator, contents.Progress(step=step[:200], unit=unit), now_us, conversation=led.task
-            )
+            content = contents.Progress(step=step[:200], unit=unit)
+            self._agent.tell(led.delegator, content, now_us, conversation=led.task)
 
     def _reachable(self, unit: str) -> bool:
         return unit != self._unit and self._directory.is_present(unit)
@@ -320,8 +319,10 @@ class Coordination(Part):
             return
         for task, alarm in self._reported.unconfirmed(now_us):
             if task in self._life.coordinated:
-                unseen_by = tuple(unit for unit in alarm.units if unit != alarm.by)
-                self._pass_on(self._life.coordinated[task], alarm.model_copy(update={"unseen_by": unseen_by}), now_us)
+                self._pass_on(self._life.coordinated[task], alarm, now_us)
+        for out in self._reported.left_out(now_us):
+            if out.task in self._life.coordinated:
+                self._progress(self._life.coordinated[out.task], out.text, out.unit, now_us)
         for led in list(self._life.coordinated.values()):
             for unit in [unit for unit, due_us in led.again_us.items() if due_us <= now_us]:
                 del led.again_us[unit]
@@ -374,8 +375,9 @@ class Coordination(Part):
             raise Refused(f"{sender} takes no part in task {led.task}", "not-a-participant")
         if not _watches(led, alarm.monitor):
             raise Refused(f"task {led.task} has no monitor {alarm.monitor}", "not-its-alarm")
-        self._reported.report(led.task, alarm, now_us)
-        self._pass_on(led, alarm, now_us)
+        if self._reported.admits(led.task, alarm, now_us):
+            self._reported.report(led.task, alarm, now_us)
+            self._pass_on(led, alarm, now_us)
 
     def on_progress(self, act: Act, content: contents.Progress, now_us: int) -> None:
         """`(progress ...)`: what a participant of a task we coordinate reports goes to its delegator."""

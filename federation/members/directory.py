@@ -13,7 +13,7 @@ from typing import Literal, NamedTuple, TypeAlias
 from dyknow.model.semantic_labels import SemanticLabel
 from federation import keys, transport
 from federation.members.clock import FederationClock
-from federation.members.deafness import DeafnessWatchdog
+from federation.members.deafness import Contradicted, DeafnessWatchdog
 from federation.members.liveness import Liveness, LivenessEvent, Peer, PeerState, PlatformAppeared, PlatformGone
 from federation.members.offers import NO_OFFERS, OfferEvent, Offers, Service, changes
 from federation.members.replicas import PlatformRefused, Replica, Replicas
@@ -68,8 +68,7 @@ class DirectoryFacilitator:
     """Own entry, replicas of the others, liveness, heartbeat and deafness watchdog of one platform.
 
     Every step returns effects and events. `tails` are those of the platform's exports, for the heartbeat. `goes_on` is
-    `on_heartbeat` for those that tell nothing new, nearly all: whether this is one. `is_believed`: whether the word of a
-    unit about sessions counts alone.
+    `on_heartbeat` for those that tell nothing new, nearly all: whether this is one. `member_of` is that of `Liveness`.
 
     Attributes:
         is_busy: this machine has too much to do; what seems lost may only be late, and no session is opened again.
@@ -86,12 +85,12 @@ class DirectoryFacilitator:
         questions: Iterator[int] | None = None,
         clock: FederationClock | None = None,
         roster: str | None = None,
-        is_believed: Callable[[str], bool] = lambda _unit: True,
+        member_of: Callable[[str], str | None] = str,
     ) -> None:
         self.unit, self.boot, self.kind, self.zid = keys.unit(unit), boot, kind, zid or f"{boot:x}"
         self.version = 1
         self._clock, self._roster = clock or FederationClock(), roster
-        self._liveness = Liveness(unit, boot)
+        self._liveness = Liveness(unit, boot, member_of)
         self._peers = self._liveness.peers
         self.goes_on = self._liveness.goes_on
         self._replicas = Replicas(self._peers, questions or count(1), self._clock, roster)
@@ -112,9 +111,9 @@ class DirectoryFacilitator:
         return self._replicas.refused
 
     @property
-    def suspicions(self) -> Mapping[str, str]:
-        """What a single peer states about sessions, by that peer; it moves nobody."""
-        return self._watchdog.suspicions
+    def contradicted(self) -> tuple[Contradicted, ...]:
+        """What single platforms say of who hears whom, against the others."""
+        return self._watchdog.contradicted
 
     # Own entry
 

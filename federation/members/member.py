@@ -7,7 +7,6 @@ it learns it passes on to its `MemberAgents` by plain calls, in the order in whi
 
 from collections import Counter
 from collections.abc import Callable, Iterable, Sequence
-from functools import lru_cache
 from itertools import count
 from typing import Protocol
 
@@ -21,7 +20,8 @@ from federation.members.imports import ImportName, Imports, Take
 from federation.members.liveness import PlatformAppeared, PlatformGone, PlatformReturned
 from federation.members.offsets import ClockOffsets
 from federation.messages.acts import Performative
-from federation.messages.codec import KEPT_BYTES, Heartbeat, decode_description, decode_heartbeat
+from federation.messages.codec import Heartbeat, decode_description, decode_heartbeat
+from federation.messages.newest import Newest
 from federation.security.trust import Trust
 
 P = Performative
@@ -96,15 +96,15 @@ class Member:
             questions=self._questions,
             clock=self.clock,
             roster=roster,
-            is_believed=self._is_believed,
+            member_of=self._member_of,
         )
 
-    def _is_believed(self, unit: str) -> bool:
-        """Whether what a unit states about the sessions of others counts alone."""
+    def _member_of(self, unit: str) -> str | None:
+        """The member of the roster that a unit is, or whose command; without a roster it is itself."""
         if self.trust is None:
-            return True
-        member = self.trust.roster.member(unit)
-        return member is not None and member.role == "command-centre"
+            return unit
+        found = self.trust.roster.member(unit)
+        return None if found is None else found.unit
 
     # -- coming and going --------------------------------------------------------------------------------------
 
@@ -320,6 +320,9 @@ class Member:
         return True
 
 
+_beats = Newest(decode_heartbeat, len)
+
+
 def heartbeat_of(key: str, payload: bytes) -> Heartbeat | None:
     """The heartbeat that was put on `key`, of the unit that the key names; None if it is no heartbeat's key.
 
@@ -336,7 +339,7 @@ def _heartbeat_of(key: str, payload: bytes) -> Heartbeat | None:
     name = keys.parse_key(key)
     if type(name) is not keys.HeartbeatKey:
         return None
-    beat = decode_heartbeat(payload)
+    beat = _beats(name.unit, payload)
     if beat.unit != name.unit:
         raise DecodeError("key")
     return beat

@@ -1,74 +1,96 @@
-"""What one member states about sessions moves nobody: with a roster, a session is opened anew on own evidence or by two witnesses."""
+"""One member lies about who hears whom, or takes its token back: no session of the others is opened anew, and it is shown."""
 
 from random import Random
 
 import pytest
 
-from agents.platform import Platform
-from federation.transport import Reopen, UndeclareToken
-from tests.agents.rosters import trust
-from tests.box import Box, Vehicle
+from federation import keys
+from federation.messages.codec import Heartbeat, encode_heartbeat
+from federation.transport import DeclareToken, Put, Reopen, UndeclareToken, Urgency
+from tests.federation.directories import Directories
 
-LIES = ("hears nobody", "hears a platform that crashed", "hears units that there are not", "any of these, in turn")
-
-
-def fleet(seed: int) -> Box:
-    wire = Box(seed)
-    for number in range(3):
-        wire.join(str(number), Vehicle(north_m=500.0 * number), trust=trust(str(number)))
-    wire.centre("cc", trust=trust("cc"))
-    wire.run(2)
-    return wire
+LIAR = "9"
+_BOOT = 10**13
 
 
-def lie(wire: Box, which: str, draw: Random) -> None:
-    """Platform 2 states in each heartbeat that it hears something else than it does."""
-    liveness = wire.member("2").directory._liveness
-    lies = {LIES[0]: [], LIES[1]: ["1"], LIES[2]: [*map(str, range(50, 90))]}
+class Liar:
+    """A member with a session of its own that beats as it likes."""
 
-    def heard(_now_us: int) -> list[str]:
-        return [*lies.get(which, lies[draw.choice(LIES[:3])])]
+    def __init__(self, box: Directories) -> None:
+        self.box, self.seq = box, 0
+        self.token = keys.token_platform("abcdef", LIAR, "uav", 1)
+        box.wire.open("liar", "abcdef", lambda _event: None, lambda: box.now_us)
+        box.wire.perform("liar", DeclareToken(self.token))
 
-    liveness.heard = heard  # type: ignore[method-assign]
-
-
-def opened_anew(wire: Box) -> set[str]:
-    return {unit for _at_us, unit, effect in wire.wire.noted if isinstance(effect, Reopen)}
-
-
-def conditions(platform: Platform) -> list[str]:
-    return [each.text for each in platform._conditions()]
+    def beat(self, hears: tuple[str, ...], seconds: float = 0.2) -> None:
+        self.seq += 1
+        beat = Heartbeat(LIAR, _BOOT, self.seq, self.box.now_us, 1, hears, ())
+        self.box.wire.put("liar", Put(keys.heartbeat(LIAR), encode_heartbeat(beat), Urgency.CONTROL))
+        self.box.run(seconds)
 
 
-@pytest.mark.parametrize("which", LIES)
-@pytest.mark.parametrize("seed", range(2))
-def test_a_lie_about_hearing_closes_no_session(which: str, seed: int) -> None:
-    wire = fleet(seed)
-    if which == LIES[1]:
-        wire.kill("1")
-    lie(wire, which, Random(seed))
-    wire.run(60)
-    assert opened_anew(wire) <= {"2"}
-    assert wire.member("0").directory.is_present("2")
-    if which != LIES[3]:
-        assert any("2 states alone" in text for text in conditions(wire.platform("0")))
+def federation(number: int) -> Directories:
+    box = Directories()
+    for unit in range(number):
+        box.enter(str(unit))
+    box.run(2)
+    return box
 
 
-def test_a_member_that_withdraws_its_token_and_beats_on_closes_no_session() -> None:
-    wire = fleet(0)
-    member = wire.member("2")
-    for token in member.directory._tokens():
-        wire.wire.perform("2", UndeclareToken(token))
-    wire.run(30)
-    assert opened_anew(wire) <= {"2"}
+def reopened(box: Directories) -> list[tuple[int, str]]:
+    return [(at_us, unit) for at_us, unit, effect in box.wire.noted if isinstance(effect, Reopen)]
 
 
-def test_what_was_stated_is_no_longer_shown_when_it_ends() -> None:
-    wire = fleet(0)
-    liveness = wire.member("2").directory._liveness
-    lie(wire, LIES[0], Random(0))
-    wire.run(15)
-    assert any("states alone" in text for text in conditions(wire.platform("0")))
-    del liveness.heard
-    wire.run(15)
-    assert not any("states alone" in text for text in conditions(wire.platform("0")))
+def test_who_says_that_it_hears_nobody_moves_nobody_and_is_named_by_all() -> None:
+    box = federation(3)
+    liar = Liar(box)
+    for _ in range(600):
+        liar.beat(())
+    assert reopened(box) == []
+    for unit in ("0", "1", "2"):
+        assert [(one.unit, one.text) for one in box.directory(unit).contradicted] == [
+            (LIAR, "9 says that it does not hear this platform, which others hear")
+        ]
+    for _ in range(20):
+        liar.beat(("0", "1", "2"))
+    assert not any(box.directory(unit).contradicted for unit in ("0", "1", "2"))
+
+
+def test_who_says_that_it_hears_platforms_that_nobody_else_hears_moves_nobody_and_is_named() -> None:
+    box = federation(3)
+    liar = Liar(box)
+    box.vanish("2")
+    for _ in range(600):
+        liar.beat(("0", "1", "2", "7"))
+    assert reopened(box) == []
+    for unit in ("0", "1"):
+        assert [one.text for one in box.directory(unit).contradicted] == ["9 alone says that it hears 2 and 1 more"]
+
+
+@pytest.mark.parametrize("seed", range(4))
+def test_whatever_one_member_says_of_hearing_no_session_is_opened_anew(seed: int) -> None:
+    random, box = Random(seed), federation(3 + seed % 2)
+    liar = Liar(box)
+    units = [*box.nodes, LIAR, "7", "8"]
+    for _ in range(120):
+        hears = tuple(random.sample(units, random.randrange(len(units))))
+        for _ in range(random.choice([1, 5, 40])):
+            liar.beat(hears)
+        assert reopened(box) == []
+        assert all(box.present(unit) >= box.nodes.keys() - {unit} for unit in box.nodes)
+
+
+def test_who_takes_its_token_back_and_beats_is_a_reason_once_and_not_for_all_at_once() -> None:
+    box = federation(4)
+    liar = Liar(box)
+    for _ in range(10):
+        liar.beat(tuple(box.nodes))
+    for _ in range(5):
+        box.wire.perform("liar", UndeclareToken(liar.token))
+        for _ in range(100):
+            liar.beat(tuple(box.nodes))
+        box.wire.perform("liar", DeclareToken(liar.token))
+        liar.beat(tuple(box.nodes))
+    times = sorted(reopened(box))
+    assert len(times) <= len({unit for _, unit in times}) <= 4
+    assert len({at_us // 500_000 for at_us, _ in times}) >= 2 or len(times) < 2
