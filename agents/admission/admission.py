@@ -8,8 +8,8 @@ from collections.abc import Callable, Sequence
 from typing import Any, TypeAlias
 
 from agents.actions import Action, Role, ServiceTable
-from agents.admission.containment import Containment
 from agents.admission.limits import COMMANDING, TEXT_BURST, TEXT_PER_S, ActLimits, text_in
+from agents.containment import Containment, place_of
 from agents.interface import InterfaceAgent
 from agents.part import ClockCompared, Followed, Part, PeerChange
 from dyknow.model import errors

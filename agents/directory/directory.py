@@ -8,6 +8,7 @@ from typing import Final
 
 from agents.actions import FEDERATION, QUERIED, SUBSCRIBED, Action, Offer, Role
 from agents.admission.message_log import ACCOUNT
+from agents.containment import Containment
 from agents.directory.doubts import PeerDoubts
 from agents.effects import Effect, Halt, Impaired, LeaveRequested
 from agents.interface import InterfaceAgent
@@ -220,7 +221,8 @@ class DirectoryAgent(Part):
 
     def on_time(self, now_us: int) -> None:
         """Judge the silent, ask for what is not known, put again what is not acknowledged, beat."""
-        self._member.on_time(now_us)
+        for step in self._member.steps:
+            self._contain.step(self, step, now_us)
         if self._doubts.look():
             for condition in self._doubts.conditions():
                 self._note_once(condition.text)

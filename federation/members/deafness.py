@@ -10,7 +10,7 @@ the two do not reopen in step:
 * a peer is heard again, but its withdrawn token is not announced again for 2 s: we gave up the link to it and have a
   new one, which it has added to the old, as Zenoh does when both sides dial and only one lease was over. So it
   declares nothing again, and on that link questions, acts and samples go astray for good. A peer whose token is missing
-  is not listed as heard: if it is missing everywhere, the peer itself acts, and we only where others have it;
+  is not listed as heard: where it is missing at most others as well, the peer acts, and we do not;
 * this process was suspended for the length of a lease, so that the others have closed their links to it, and 3 s
   after it resumes most links are not back: the peer does not hear us, we do not hear it, or its token is missing;
 * we no longer hear any peer: after 4 s if there are tokens of peers, else after 6 s.
@@ -73,16 +73,8 @@ class DeafnessWatchdog:
         contradicted: what single peers say against the others, for 10 s or more.
     """
 
-    Args:
-        is_believed: whether the word of a unit counts alone.
-
-    Attributes:
-        suspicions: what a single peer states about sessions, by that peer.
-    """
-
-    def __init__(self, unit: str, now_us: int, is_believed: Callable[[str], bool] = lambda _unit: True) -> None:
-        self.unit, self._is_believed = unit, is_believed
-        self.suspicions: dict[str, str] = {}
+    def __init__(self, unit: str, now_us: int) -> None:
+        self.unit = unit
         self._next_us = now_us + PERIOD_US
         self._late_us = now_us - CALM_US
         self._stood_us = 0
@@ -158,7 +150,6 @@ class DeafnessWatchdog:
         if not heard:
             self._forget()
             return self._alone(peers.values(), now_us)
-        self.suspicions.clear()
         if self._is_settled(peers, heard):
             return None
         witnesses = Counter[str]()
@@ -188,8 +179,11 @@ class DeafnessWatchdog:
         """A peer that is heard while its token has not come back, and over which no session was opened lately."""
         for unit in sorted(heard):
             since_us = _untold_for_us(peers[unit], now_us)
+            others = heard - {unit}
+            has_it = sum(unit in peers[other].hears for other in others)
             if (
                 since_us >= self._astray_after_us
+                and (2 * has_it > len(others) or not others)
                 and now_us >= self._astray_us.get(unit, -ASTRAY_AGAIN_US) + ASTRAY_AGAIN_US
             ):
                 self._astray_us.pop(unit, None)
@@ -225,7 +219,6 @@ class DeafnessWatchdog:
         )
 
     def _forget(self) -> None:
-        self.suspicions.clear()
         self._mentioned_us.clear()
         self._unlisted_us.clear()
         self._settled.clear()
@@ -242,16 +235,9 @@ class DeafnessWatchdog:
         mentioned.discard(self.unit)
         for_us = self._note(self._mentioned_us, mentioned, now_us)
         found: dict[str, int] = {}
-        for unit in witnesses.keys() - heard:
+        for unit in mentioned - heard:
             peer = peers.get(unit)
             if peer is not None and peer.left:
-                continue
-            was_heard = peer is not None and peer.seq >= 0
-            is_own = was_heard and (bool(peer and peer.tokens) or witnesses[unit] == heard)
-            if not (is_own or self._is_evidence(witnesses[unit])):
-                if for_us[unit] >= MOST_US:
-                    [one] = witnesses[unit]
-                    self.suspicions[one] = f"{one} states alone that it hears {unit}, which is silent here"
                 continue
             silent_us = now_us - (peer.heard_us if peer is not None else 0)
             found[unit] = min(for_us[unit], silent_us, now_us - self._opened_us)

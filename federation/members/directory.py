@@ -94,7 +94,7 @@ class DirectoryFacilitator:
         self._peers = self._liveness.peers
         self.goes_on = self._liveness.goes_on
         self._replicas = Replicas(self._peers, questions or count(1), self._clock, roster)
-        self._watchdog = DeafnessWatchdog(unit, now_us, is_believed)
+        self._watchdog = DeafnessWatchdog(unit, now_us)
         self.is_busy = False
         self._offers = NO_OFFERS
         self._conditions: tuple[ConditionEntry, ...] = ()

@@ -326,16 +326,11 @@ _beats = Newest(decode_heartbeat, len)
 def heartbeat_of(key: str, payload: bytes) -> Heartbeat | None:
     """The heartbeat that was put on `key`, of the unit that the key names; None if it is no heartbeat's key.
 
-    Many members in one process hear the same: what is not long is decoded once.
+    Many members in one process hear the same: it is decoded once.
 
     Raises:
         DecodeError: it is malformed, or names another unit.
     """
-    return _heartbeat_of(key, payload) if len(payload) <= KEPT_BYTES else _heartbeat_of.__wrapped__(key, payload)
-
-
-@lru_cache(maxsize=256)
-def _heartbeat_of(key: str, payload: bytes) -> Heartbeat | None:
     name = keys.parse_key(key)
     if type(name) is not keys.HeartbeatKey:
         return None

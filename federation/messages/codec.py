@@ -24,14 +24,10 @@ from federation.messages import unpacking
 from federation.messages.acts import PERFORMATIVES, Act, AgentName
 from federation.messages.descriptions import Description
 from federation.messages.newest import Newest
-from federation.messages.sexpr import MAX_DEPTH, MAX_INTEGER, MIN_INTEGER, Expr, ExprValue, QuotedText, is_name
+from federation.messages.sexpr import MAX_COUNT, MAX_DEPTH, Expr, ExprValue, QuotedText, is_name
 from federation.messages.unpacking import named, pack
 
 MAX_ACKS: Final = 256
-MAX_TAILS: Final = 64
-"""Streams whose newest number a heartbeat says; of more, others in the next one."""
-KEPT_BYTES, MAX_DESCRIPTION_KEPT = 4_096, 16_384
-"""Longest payloads of which what they say is kept for the other members of the process."""
 MAX_RIDERS, MAX_EVERY = 16, 16
 SHORT: Final = 8192
 """Bytes of samples that are kept as they were read, in 256 messages at most."""
@@ -402,7 +398,7 @@ def decode_heartbeat(payload: bytes) -> Heartbeat:
             unpacking.fail("name")
         unpacking.count(tail[2])
     unit = named(keys.unit, unit)
-    numbers = unpacking.count(boot), unpacking.count(seq), unpacking.count(wall_us), unpacking.count(description)
+    numbers = unpacking.count(boot), unpacking.count(seq), unpacking.stamp(wall_us), unpacking.count(description)
     return Heartbeat(unit, *numbers, _heard(unit, hears), _tails(unit, (boot, tails))[1])
 
 

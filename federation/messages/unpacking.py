@@ -6,7 +6,6 @@ keys, nothing behind the message. All that is wrong is a DecodeError.
 
 import re
 from collections.abc import Callable
-from functools import lru_cache, wraps
 from typing import Any, Final, NoReturn, TypeAlias, TypeVar
 
 import msgpack
@@ -29,7 +28,6 @@ _HASH = re.compile(r"[0-9a-f]{8}")
 
 Check: TypeAlias = Callable[[Any], Any]
 """Takes a field as it was unpacked and gives it as it is to be used; raises DecodeError."""
-T = TypeVar("T")
 M = TypeVar("M", bound=tuple[Any, ...])  # message
 
 
@@ -149,25 +147,6 @@ def optional(check: Check) -> Check:
 def record(kind: Callable[..., M], *checks: Check) -> Callable[[Any], M]:
     """Check of a record: a tuple with one field for each check."""
     return lambda value: kind(*[check(field) for check, field in zip(checks, fields(value, len(checks)), strict=True)])
-
-
-def kept(most: int, longest: int) -> Callable[[Callable[[bytes], T]], Callable[[bytes], T]]:
-    """What a decoder made of the newest `most` payloads is kept, if they have at most `longest` bytes.
-
-    Many members in one process take the same bytes. What a sender makes long and new each time is not kept, so that
-    nobody fills the memory of others with it.
-    """
-
-    def keeping(decode: Callable[[bytes], T]) -> Callable[[bytes], T]:
-        cached = lru_cache(maxsize=most)(decode)
-
-        @wraps(decode)
-        def decoded(payload: bytes) -> T:
-            return cached(payload) if len(payload) <= longest else decode(payload)
-
-        return decoded
-
-    return keeping
 
 
 def codec(kind: Callable[..., M], *checks: Check) -> tuple[Callable[[M], bytes], Callable[[bytes], M]]:

@@ -80,7 +80,7 @@ def test_whatever_one_member_says_of_hearing_no_session_is_opened_anew(seed: int
         assert all(box.present(unit) >= box.nodes.keys() - {unit} for unit in box.nodes)
 
 
-def test_who_takes_its_token_back_and_beats_is_a_reason_once_and_not_for_all_at_once() -> None:
+def test_who_takes_its_token_back_and_beats_on_moves_nobody() -> None:
     box = federation(4)
     liar = Liar(box)
     for _ in range(10):
@@ -91,6 +91,4 @@ def test_who_takes_its_token_back_and_beats_is_a_reason_once_and_not_for_all_at_
             liar.beat(tuple(box.nodes))
         box.wire.perform("liar", DeclareToken(liar.token))
         liar.beat(tuple(box.nodes))
-    times = sorted(reopened(box))
-    assert len(times) <= len({unit for _, unit in times}) <= 4
-    assert len({at_us // 500_000 for at_us, _ in times}) >= 2 or len(times) < 2
+    assert reopened(box) == []

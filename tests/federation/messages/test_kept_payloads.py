@@ -6,8 +6,8 @@ import pytest
 
 from dyknow.model.errors import DecodeError
 from federation.messages.codec import (
-    KEPT_BYTES,
     MAX_TAILS,
+    SHORT,
     Heartbeat,
     StreamSample,
     decode_description,
@@ -57,7 +57,7 @@ def test_a_flood_of_long_payloads_leaves_little(flood, count):
 
 def test_a_short_payload_is_decoded_once_and_a_long_one_each_time():
     short = encode_samples(1, [StreamSample(1, 1, 0.5)])
-    long = encode_samples(1, [StreamSample(1, 1, "x" * KEPT_BYTES)])
+    long = encode_samples(1, [StreamSample(1, 1, "x" * SHORT)])
     assert decode_samples(short) is decode_samples(short)
     assert decode_samples(long) is not decode_samples(long)
     assert decode_samples(long) == decode_samples(long)
