@@ -27,6 +27,8 @@ from federation.messages.unpacking import named, pack
 
 MAX_ACKS: Final = 256
 MAX_RIDERS, MAX_EVERY = 16, 16
+MAX_EVIDENCE: Final = 16_384
+"""Bytes of an act that another one carries as evidence: an area of 32 corners has about 1 300."""
 
 Signature: TypeAlias = bytes
 """Ed25519 over the body of an act, 64 bytes."""
@@ -148,6 +150,7 @@ def encode_act(act: Act, sign: Callable[[bytes], Signature] | None = None) -> by
                 act.seq,
                 act.created_us,
                 act.acks,
+                *((act.evidence,) if act.evidence else ()),
             )
         )
         payload = pack((body, None if sign is None else sign(body)))
@@ -173,8 +176,8 @@ def decode_act(payload: bytes) -> tuple[Act, Signature | None, bytes]:
         unpacking.fail("signature")
     (
         performative, sender, receiver, content, conversation, protocol, reply_with, in_reply_to, reply_by,
-        language, encoding, ontology, reply_to, boot, seq, created, acks,
-    ) = unpacking.array(body, 17)  # fmt: skip
+        language, encoding, ontology, reply_to, boot, seq, created, acks, *more,
+    ) = unpacking.versioned(unpacking.unpack(body), 17, 18)  # fmt: skip
     if type(performative) is not str or performative not in PERFORMATIVES:
         unpacking.fail("performative")
     if content is not None:
@@ -204,8 +207,15 @@ def decode_act(payload: bytes) -> tuple[Act, Signature | None, bytes]:
         unpacking.count(seq),
         unpacking.count(created),
         acks,
+        _evidence(more[0]) if more else b"",
     )
     return act, signature, body
+
+
+def _evidence(value: Any) -> bytes:
+    if type(value) is not bytes:
+        unpacking.fail("evidence")
+    return value if 0 < len(value) <= MAX_EVIDENCE else unpacking.fail("oversized")
 
 
 def _agent(value: Any) -> AgentName:
