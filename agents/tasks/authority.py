@@ -31,8 +31,8 @@ from federation.messages.contents import (
 
 WAIT_US: Final = 500_000
 """How long those before a successor must be gone here: honest ones wait a second or more, and may have seen it earlier."""
-LIFE_US: Final = 2_000_000
-"""A life that began so much after the delegation still counts as one that was there: clocks differ."""
+LIFE_US: Final = 500_000
+"""A life that began so much after the delegation still counts as one that was there: clocks are compared so well."""
 AHEAD_US: Final = 30_000_000
 """How far the delegator's clock may be ahead of ours."""
 PERMIT_US: Final = 3_600_000_000
@@ -85,7 +85,12 @@ class Authority(Part):
     offers = (Offer(COORDINATION, (Action(TaskOver, "on_task_over", INFORMED),)),)
 
     def __init__(
-        self, unit: str, boot: int, agent: InterfaceAgent, directory: DirectoryFacilitator, role_of: Callable[[str], Role]
+        self,
+        unit: str,
+        boot: int,
+        agent: InterfaceAgent,
+        directory: DirectoryFacilitator,
+        role_of: Callable[[str], Role],
     ) -> None:
         self._unit, self._boot, self._agent, self._directory, self._role_of = unit, boot, agent, directory, role_of
         self._proven: dict[bytes, TaskEvidence] = {}
@@ -118,7 +123,9 @@ class Authority(Part):
         digest = sha256(act.evidence).digest()
         found = self._proven.get(digest) or self._read(act.evidence)
         if found.task != task or type(found.content) not in kinds:
-            raise Refused(f"the evidence is about ({found.content.head} ...) as {found.task}, not about {task}", "unproven")
+            raise Refused(
+                f"the evidence is about ({found.content.head} ...) as {found.task}, not about {task}", "unproven"
+            )
         if self.is_over(found):
             raise Refused(f"cancelled: {task} is over here", "cancelled")
         old_us = now_us - found.made_us
@@ -262,9 +269,7 @@ class Authority(Part):
 def _evidence(act: Act, content: Content, payload: bytes) -> TaskEvidence:
     if isinstance(content, PermitMission):
         return TaskEvidence(content.mission, act.sender.unit, content.leaders[0], content, act.created_us, payload)
-    return TaskEvidence(
-        act.conversation_id or "", act.sender.unit, act.receiver.unit, content, act.created_us, payload
-    )
+    return TaskEvidence(act.conversation_id or "", act.sender.unit, act.receiver.unit, content, act.created_us, payload)
 
 
 def _offers(entry: DirectoryEntry, service: str) -> bool:

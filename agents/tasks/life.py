@@ -28,7 +28,7 @@ from agents.tasks.authority import Authority
 from agents.tasks.task import Claim, CoordinatedTask, EndedTask, Task, TaskPlan
 from dyknow.model.errors import ContentError, Refused
 from federation.members.deadlines import Deadlines
-from federation.members.directory import DirectoryFacilitator, unit_order
+from federation.members.directory import DirectoryFacilitator
 from federation.members.liveness import PlatformAppeared
 from federation.messages.acts import Act, AgentName, Performative
 from federation.messages.contents import (
@@ -140,17 +140,19 @@ class TaskLife(Part):
         if is_bound and self._ended.get(task, unit) != unit:
             raise Refused("cancelled: the task was cancelled here", "cancelled")
         led = self.coordinated.get(task)
-        most = SUCCESSORS + (1 if led is None else led.generation)
-        is_first = unit == claim.evidence.delegate
         try:
-            if not (is_first if claim.generation == 1 else 1 < claim.generation <= most):
-                raise Refused(f"{unit} does not coordinate {task} in generation {claim.generation}", "succession")
-            self._authority.check_leads(claim.evidence, unit, claim.boot, now_us)
+            self._check_turn(claim, 1 if led is None else led.generation, now_us)
         except Refused as refused:
             if led is None:
                 raise
             text = f"led by {led.leader} in generation {led.generation}: {refused.reason}"
             raise Refused(text, "led-by", leader=led.leader, generation=led.generation) from None
+
+    def _check_turn(self, claim: Claim, generation: int, now_us: int) -> None:
+        is_first = claim.unit == claim.evidence.delegate
+        if not (is_first if claim.generation == 1 else 1 < claim.generation <= generation + SUCCESSORS):
+            raise Refused(f"{claim.unit} does not coordinate it in generation {claim.generation}", "succession")
+        self._authority.check_leads(claim.evidence, claim.unit, claim.boot, now_us)
 
     def is_led(self, led: CoordinatedTask) -> bool:
         """Whether its coordinator is there, in the life in which it coordinates."""

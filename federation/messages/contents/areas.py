@@ -59,9 +59,8 @@ class AreaRing(parts.ContentPart):
 class AssignArea(parts.Content):
     """The piece of the receiver in a division: its borders, none if it has no part in it (any longer).
 
-    `generation` counts the divisions of one task; the latest holds. The rest is what a successor of the leader needs:
-    the whole area, its delegator, sensor and height of scanning; the platforms that have a piece; which life of the
-    platform that the task was delegated to is its leader.
+    `generation` counts the divisions of one task; the latest holds. `units`: the platforms that have a piece. The whole area,
+    its sensor, the height of scanning and whose task it is are in the evidence that the act carries.
     """
 
     task: parts.Conversation
@@ -70,9 +69,4 @@ class AssignArea(parts.Content):
     area_m2: Annotated[float, Field(ge=0)] = Field(default=0.0, alias="area_m2")
     share: Annotated[float, Field(ge=0, le=1)] = 0.0
     middle: Corner = "0 0"
-    whole: Border
-    sensor: SemanticLabel | None = None
-    scan_m: ScanHeight | None = Field(default=None, alias="scan_m")
-    delegator: parts.Unit | None = None
     units: parts.Units = ()
-    delegate_boot: Count = 0
