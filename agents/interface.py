@@ -66,11 +66,14 @@ class InterfaceAgent:
         on_reply: OnReply | None = None,
         on_silence: OnSilence | None = None,
         reply_within_us: int = 2_000_000,
+        evidence: bytes = b"",
     ) -> str:
         """Ask the Interface Agent of `unit` for something; returns the conversation.
 
         `on_reply` takes each answer, `on_silence` why none came (or that too many conversations are open). If one of
         them raises, the conversation ends: for `on_silence`, as if no further answer came.
+
+        `evidence` is the act that delegated the task that it is for.
         """
 
         def on_answer(act: Act, answer: Content | None, _is_last: bool, at_us: int) -> None:
@@ -99,14 +102,17 @@ class InterfaceAgent:
                 within_us=reply_within_us,
                 standing=content.head in self._lasting,
                 conversation=conversation,
+                evidence=evidence,
             )
         except Refused as refused:
             on_no_answer(refused.reason, now_us)
         return conversation
 
-    def tell(self, unit: str, content: Content, now_us: int, *, conversation: str | None = None) -> None:
-        """Inform the Interface Agent of `unit`; no answer is expected."""
-        self.acts.tell(unit, content, now_us, conversation=conversation)
+    def tell(
+        self, unit: str, content: Content, now_us: int, *, conversation: str | None = None, evidence: bytes = b""
+    ) -> None:
+        """Inform the Interface Agent of `unit`; no answer is expected. `evidence`: the act that delegated the task."""
+        self.acts.tell(unit, content, now_us, conversation=conversation, evidence=evidence)
 
     def answer(self, act: Act, performative: Performative, content: Content | None, now_us: int) -> None:
         """Answer an act that came in, in its conversation."""

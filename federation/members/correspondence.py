@@ -116,6 +116,7 @@ class Correspondence:
         within_us: int = REPLY_WITHIN_US,
         standing: bool = False,
         conversation: str = "",
+        evidence: bytes = b"",
     ) -> str:
         """Open a conversation with the Interface Agent of `unit`; returns its id.
 
@@ -129,6 +130,7 @@ class Correspondence:
             within_us: when the first answer is due.
             standing: whether the conversation lives beyond its first result, until it is cancelled.
             conversation: its id, if one was taken already.
+            evidence: of the task that this is for: the act that delegated it, as it arrived.
 
         Raises:
             Refused: too many conversations with `unit` are open.
@@ -136,7 +138,8 @@ class Correspondence:
         """
         self._now_us = now_us
         conversation = conversation or self.conversations.new_conversation(unit)
-        act, is_paged = self._act(performative, unit, content, conversation, now_us + within_us), _is_paged(content)
+        act = self._act(performative, unit, content, conversation, now_us + within_us)._replace(evidence=evidence)
+        is_paged = _is_paged(content)
         self._pending[conversation] = _Pending(unit, on_reply, on_silence, is_paged)
         try:
             _, outcomes = self.conversations.send(act, now_us, standing=standing or is_paged)
@@ -146,10 +149,19 @@ class Correspondence:
         self._handle(outcomes, now_us)
         return conversation
 
-    def tell(self, unit: str, content: contents.Content, now_us: int, *, conversation: str | None = None) -> None:
-        """Inform the Interface Agent of `unit`; no answer is expected."""
+    def tell(
+        self,
+        unit: str,
+        content: contents.Content,
+        now_us: int,
+        *,
+        conversation: str | None = None,
+        evidence: bytes = b"",
+    ) -> None:
+        """Inform the Interface Agent of `unit`; no answer is expected. `evidence`: as in `ask`."""
         self._now_us = now_us
-        self._handle(self.conversations.send(self._act(P.INFORM, unit, content, conversation), now_us)[1], now_us)
+        act = self._act(P.INFORM, unit, content, conversation)._replace(evidence=evidence)
+        self._handle(self.conversations.send(act, now_us)[1], now_us)
 
     def answer(
         self,
@@ -246,7 +258,7 @@ class Correspondence:
                 if reason == "replayed":  # it is genuine, and its receipt may have been lost
                     self.conversations.delivery.on_act(act, now_us)
                 return True
-        self.on_act(act, now_us)
+        self.on_act(act._replace(original=event.payload) if act.performative in OPENING else act, now_us)
         return True
 
     def _receipt(self, sender: str, payload: bytes) -> Receipt:
@@ -257,6 +269,21 @@ class Correspondence:
         if not self._trust.verifier.is_genuine(sender, signature, signed_bytes(self.unit, body)):
             raise DecodeError("forged")
         return receipt
+
+    def evidence(self, payload: bytes) -> Act:
+        """The act that another one carries, of the member that it names; when it was made is not asked.
+
+        Raises:
+            Refused: `unproven`: it is no act, or not that of its sender.
+        """
+        try:
+            act, signature, body = decode_act(payload)
+        except DecodeError as error:
+            raise Refused(f"the evidence is no act: {error.reason}", "unproven") from None
+        doubt = None if self._trust is None else self._trust.verifier.doubt(act, signature, body)
+        if doubt is not None:
+            raise Refused(f"the evidence is not of {act.sender.unit}: {doubt}", "unproven")
+        return act
 
     def on_act(self, act: Act, now_us: int) -> None:
         """An act whose sender is verified."""

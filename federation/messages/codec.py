@@ -35,6 +35,8 @@ MAX_TAILS: Final = 64
 """Streams whose newest numbers one heartbeat names; who exports more names them in turn."""
 MAX_BEAT: Final = 32_768
 """Bytes of a heartbeat: a thousand members that are heard, and the tails."""
+MAX_EVIDENCE: Final = 16_384
+"""Bytes of an act that another one carries as evidence: an area of 32 corners has about 1 300."""
 
 _BootTails: TypeAlias = tuple[int, tuple[tuple[str, str, int], ...]]
 
@@ -158,6 +160,7 @@ def encode_act(act: Act, sign: Callable[[bytes], Signature] | None = None) -> by
                 act.seq,
                 act.created_us,
                 act.acks,
+                *((act.evidence,) if act.evidence else ()),
             )
         )
         payload = pack((body, None if sign is None else sign(body)))
@@ -183,8 +186,8 @@ def decode_act(payload: bytes) -> tuple[Act, Signature | None, bytes]:
         unpacking.fail("signature")
     (
         performative, sender, receiver, content, conversation, protocol, reply_with, in_reply_to, reply_by,
-        language, encoding, ontology, reply_to, boot, seq, created, acks,
-    ) = unpacking.array(body, 17)  # fmt: skip
+        language, encoding, ontology, reply_to, boot, seq, created, acks, *more,
+    ) = unpacking.versioned(unpacking.unpack(body), 17, 18)  # fmt: skip
     if type(performative) is not str or performative not in PERFORMATIVES:
         unpacking.fail("performative")
     if content is not None:
@@ -214,8 +217,15 @@ def decode_act(payload: bytes) -> tuple[Act, Signature | None, bytes]:
         unpacking.count(seq),
         unpacking.stamp(created),
         acks,
+        _evidence(more[0]) if more else b"",
     )
     return act, signature, body
+
+
+def _evidence(value: Any) -> bytes:
+    if type(value) is not bytes:
+        unpacking.fail("evidence")
+    return value if 0 < len(value) <= MAX_EVIDENCE else unpacking.fail("oversized")
 
 
 def _agent(value: Any) -> AgentName:
