@@ -69,7 +69,12 @@ class World:
         link, lease_us, reach: of the wire.
         trace: gets one line per event and effect, with its time.
         truth_us: how often true positions are noted; None: never.
+
+    Attributes:
+        raises: whether what a part raises is raised by the run at once; False: platforms contain it, as real ones do.
     """
+
+    raises = False
 
     def __init__(
         self,
@@ -130,7 +135,9 @@ class World:
         drift_ppm: float = 0.0,
     ) -> WorldNode:
         """A unit joins: its process starts, with a clock that is off by `offset_us`."""
-        config = replace(config or PlatformConfig(unit, 0), unit=unit, vehicle=vehicle is not None)
+        config = config or PlatformConfig(unit, 0)
+        is_contained = config.contained and not self.raises
+        config = replace(config, unit=unit, vehicle=vehicle is not None, contained=is_contained)
 
         def make(zid: str, node_us: int) -> Platform:
             return Platform(replace(config, boot=node_us // 1000, zid=zid), node_us)
