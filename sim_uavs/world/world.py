@@ -54,8 +54,7 @@ from sim_uavs.world.sessions import SessionLink
 from sim_uavs.world.units import DriftingClock, WorldNode, WorldVehicle
 from sim_uavs.world.wire import LEASE_US, Wire
 
-START_US = 1_700_000_000_000_000
-TRUTH_US = 100_000
+START_US, TRUTH_US = 1_700_000_000_000_000, 100_000
 LASTING = lasting_heads()
 """Requests that live until they are cancelled."""
 T = TypeVar("T")
@@ -69,12 +68,9 @@ class World:
         link, lease_us, reach: of the wire.
         trace: gets one line per event and effect, with its time.
         truth_us: how often true positions are noted; None: never.
-
-    Attributes:
-        raises: whether what a part raises is raised by the run at once; False: platforms contain it, as real ones do.
     """
 
-    raises = False
+    raises = False  # whether a run raises at once what a part does; False: platforms contain it, as real ones do
 
     def __init__(
         self,
@@ -87,8 +83,7 @@ class World:
         trace: Callable[[str], None] | None = None,
         truth_us: int | None = TRUTH_US,
     ) -> None:
-        self.agenda = Agenda(start_us)
-        self.random = Random(seed)
+        self.agenda, self.random = Agenda(start_us), Random(seed)
         self.wire = Wire(self.agenda, Random(self.random.getrandbits(64)), link, lease_us=lease_us, reach=reach)
         self.nodes: dict[str, WorldNode] = {}
         self.start_us = start_us
@@ -136,8 +131,7 @@ class World:
     ) -> WorldNode:
         """A unit joins: its process starts, with a clock that is off by `offset_us`."""
         config = config or PlatformConfig(unit, 0)
-        is_contained = config.contained and not self.raises
-        config = replace(config, unit=unit, vehicle=vehicle is not None, contained=is_contained)
+        config = replace(config, unit=unit, vehicle=vehicle is not None, contained=config.contained and not self.raises)
 
         def make(zid: str, node_us: int) -> Platform:
             return Platform(replace(config, boot=node_us // 1000, zid=zid), node_us)
