@@ -16,7 +16,7 @@ class EarliestDeadline:
         due_us: the earliest, as far as it is known; None when everything may have changed.
     """
 
-    def __init__(self, parts: Sequence[Part], due_of: Callable[[Part], int | None]) -> None:
+    def __init__(self, parts: Sequence[Part], due_of: Callable[[Timed], int | None]) -> None:
         self._parts, self._due_of = parts, due_of
         self.due_us: int | None = None
 
@@ -29,7 +29,10 @@ class EarliestDeadline:
         known_us = self.due_us
         if known_us is not None:
             for each in timed:
-                due_us = each.deadline_us
+                try:
+                    due_us = each.deadline_us
+                except Exception:  # noqa: BLE001  (contained)
+                    due_us = self._due_of(each)
                 if due_us is not None and due_us < known_us:
                     self.due_us = known_us = due_us
 

@@ -9,6 +9,7 @@ from collections.abc import Callable, Sequence
 from typing import TypeVar
 
 from agents.audit_log import AuditLog
+from agents.containment import Containment, place_of
 from agents.part import ClockCompared, PeerChange
 from dyknow.model.errors import Refused
 from federation.members.correspondence import OnSilence
@@ -30,6 +31,7 @@ class InterfaceAgent:
         lasting: the heads of requests that live until they are cancelled.
         audit_log: takes every act that passes.
         on_peer: called with every change of a peer.
+        contain: what becomes of an answer whose taker raises.
 
     Attributes:
         member: what it takes to be in a federation: directory, clock offsets, imported streams, acts.
@@ -43,8 +45,9 @@ class InterfaceAgent:
         lasting: frozenset[str],
         audit_log: AuditLog,
         on_peer: Callable[[PeerChange, int], None],
+        contain: Containment,
     ) -> None:
-        self.member = make_member(self)
+        self.member, self._contain = make_member(self), contain
         self.unit, self.audit_log, self._lasting, self._publish = self.member.unit, audit_log, lasting, on_peer
         self.acts = self.member.acts
         self.conversations = self.acts.conversations
@@ -63,15 +66,29 @@ class InterfaceAgent:
         on_reply: OnReply | None = None,
         on_silence: OnSilence | None = None,
         reply_within_us: int = 2_000_000,
+        evidence: bytes = b"",
     ) -> str:
         """Ask the Interface Agent of `unit` for something; returns the conversation.
 
-        `on_reply` takes each answer, `on_silence` why none came (or that too many conversations are open).
+        `on_reply` takes each answer, `on_silence` why none came (or that too many conversations are open). If one of
+        them raises, the conversation ends: for `on_silence`, as if no further answer came.
+
+        `evidence` is the act that delegated the task that it is for.
         """
 
         def on_answer(act: Act, answer: Content | None, _is_last: bool, at_us: int) -> None:
-            if on_reply is not None:
+            if on_reply is None:
+                return
+            try:
                 on_reply(act, answer, at_us)
+            except Exception as error:  # noqa: BLE001  (contained)
+                self._contain.caught(place_of(on_reply), error, act.sender.unit, by_act=True)
+                self.acts.give_up(unit, conversation, at_us)
+                on_no_answer(f"what {unit} answered could not be taken", at_us)
+
+        def on_no_answer(why: str, at_us: int) -> None:
+            if on_silence is not None:
+                self._contain.call(on_silence, why, at_us, otherwise=None)
 
         conversation = self.conversations.new_conversation(unit)
         try:
@@ -81,19 +98,21 @@ class InterfaceAgent:
                 now_us,
                 performative=performative,
                 on_reply=on_answer,
-                on_silence=on_silence,
+                on_silence=on_no_answer,
                 within_us=reply_within_us,
                 standing=content.head in self._lasting,
                 conversation=conversation,
+                evidence=evidence,
             )
         except Refused as refused:
-            if on_silence is not None:
-                on_silence(refused.reason, now_us)
+            on_no_answer(refused.reason, now_us)
         return conversation
 
-    def tell(self, unit: str, content: Content, now_us: int, *, conversation: str | None = None) -> None:
-        """Inform the Interface Agent of `unit`; no answer is expected."""
-        self.acts.tell(unit, content, now_us, conversation=conversation)
+    def tell(
+        self, unit: str, content: Content, now_us: int, *, conversation: str | None = None, evidence: bytes = b""
+    ) -> None:
+        """Inform the Interface Agent of `unit`; no answer is expected. `evidence`: the act that delegated the task."""
+        self.acts.tell(unit, content, now_us, conversation=conversation, evidence=evidence)
 
     def answer(self, act: Act, performative: Performative, content: Content | None, now_us: int) -> None:
         """Answer an act that came in, in its conversation."""

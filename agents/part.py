@@ -42,12 +42,14 @@ class Part:
         answers: contents it only sends, never takes.
         takes: by type of event, the method that takes it; a type of key stands for questions on such keys.
         arrivals: by the first chunk of a key, the method that takes what arrives there.
+        vital: whether vehicles are not kept apart, or the platform is deaf, without it: never left out for long.
     """
 
     offers: ClassVar[tuple[Offer, ...]] = ()
     answers: ClassVar[tuple[type[Content], ...]] = ()
     takes: ClassVar[Mapping[type, str]] = {}
     arrivals: ClassVar[Mapping[str, str]] = {}
+    vital: ClassVar[bool] = False
 
     @property
     def deadline_us(self) -> int | None:

@@ -15,7 +15,6 @@ from typing import Any, TypeVar
 
 from agents.actions import ROLES, Role
 from agents.admission.admission import Admission
-from agents.admission.containment import Containment
 from agents.admission.limits import ActLimits
 from agents.admission.message_log import MessageLog
 from agents.admission.trusted import PlatformTrust
@@ -31,6 +30,7 @@ from agents.calls.bids import Bids
 from agents.calls.calls import Calls
 from agents.cameras.cameras import Cameras
 from agents.config import PlatformConfig
+from agents.containment import Containment
 from agents.cooperation.cooperation import Cooperation
 from agents.cooperation.handover import Handover
 from agents.directory.directory import DirectoryAgent
@@ -70,6 +70,7 @@ from agents.specification.object_queries import ObjectQueries
 from agents.specification.remote_changes import SpecificationChanges
 from agents.specification.specification_part import SpecificationPart
 from agents.succession.mission_succession import MissionSuccession
+from agents.tasks.authority import Authority
 from agents.tasks.life import TaskLife
 from dyknow import Label, Network
 from dyknow.model.errors import UnitError
@@ -90,7 +91,7 @@ from reasoning import AlarmEvent, Profile
 T = TypeVar("T", bound=Part)
 
 PARTS: tuple[type[Part], ...] = (
-    Cameras, WinchStream, CameraAttention, FlightAgent, Performing, MissionLeading, MissionProposals, MissionRelay, MissionSuccession, Following, RecoveringAnchors, Faults, Shedding, LocalInstance, FederationAgent, ImportProxy, LabelAgreements, SubscriptionKeeper, SilentImports, Bids, Calls, AreaAssignment, AreaDivision, Scanning,
+    Authority, Cameras, WinchStream, CameraAttention, FlightAgent, Performing, MissionLeading, MissionProposals, MissionRelay, MissionSuccession, Following, RecoveringAnchors, Faults, Shedding, LocalInstance, FederationAgent, ImportProxy, LabelAgreements, SubscriptionKeeper, SilentImports, Bids, Calls, AreaAssignment, AreaDivision, Scanning,
     Admission, PlatformTrust, UnitMonitoring,
     AlarmLog, Coordination, TaskLife, GivingWay, MonitorQueries, Checks, Recognitions, StreamQueries, SpecificationPart,
     SpecificationChanges, ObjectQueries, Learning, Wanting, Cooperation, Handover, Saliency, MessageLog, DirectoryAgent,
@@ -134,6 +135,7 @@ class Ports:
         self.unit, self.boot, self.clock = config.unit, config.boot, config.clock
         self.ontology = config.ontology.copy()  # a specification adds to it
         self.network, self.may_avoid = Network(), config.avoidance
+        self.network.instant.contain = self.contain.stream_out_us
         self._parts: dict[type[Part], Part] = {}
 
     # -- parts -------------------------------------------------------------------------------------------------
@@ -185,7 +187,7 @@ class Ports:
                 kind="uav", zid=config.zid, clock=self.clock, trust=config.trust, tails=self.exports.tails,
             )  # fmt: skip
 
-        return InterfaceAgent(member, lasting_heads(config.extensions), audit_log, self.on_peer)
+        return InterfaceAgent(member, lasting_heads(config.extensions), audit_log, self.on_peer, self.contain)
 
     @property
     def learnt(self) -> Mapping[str, str]:
@@ -308,9 +310,9 @@ class Ports:
     @cached_property
     def monitors(self) -> UnitMonitors:
         def on_alarm(event: AlarmEvent) -> None:
-            self.on_alarm(self.part(GivingWay).annotated(event))
+            self.on_alarm(self.contain.call(self.part(GivingWay).annotated, event, otherwise=event))
 
-        return UnitMonitors(self.unit, self.network, self.source, on_alarm)
+        return UnitMonitors(self.unit, self.network, self.source, on_alarm, self.contain)
 
     @property
     def monitored(self) -> Callable[[], Needs]:

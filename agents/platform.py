@@ -6,12 +6,13 @@ which streams and monitors live in, follows from the node clock by the federatio
 """
 
 from collections import Counter
-from collections.abc import Sequence
+from collections.abc import Callable, Iterable, Sequence
 from functools import partial
 from typing import Any, TypeVar
 
-from agents.admission.containment import Containment, sender_of
+from agents.actions import Role
 from agents.config import PlatformConfig
+from agents.containment import Containment, place_of, sender_of
 from agents.deadlines import EarliestDeadline
 from agents.effects import Effect, Event, Note
 from agents.part import NOT_MINE, Followed, Handler, Part, PeerChange, overrides
@@ -20,11 +21,12 @@ from dyknow.model.errors import DecodeError
 from federation import keys
 from federation.members.member import Member
 from federation.members.offers import Service
-from federation.messages.descriptions import ConditionEntry, LabelEntry
-from federation.transport import Arrived, Asked, Conflated, HandlerFailed
+from federation.messages.descriptions import MAX_CONDITIONS, ConditionEntry, LabelEntry
+from federation.transport import AnswerEnd, Arrived, Asked, Conflated, HandlerFailed
 from reasoning import AlarmEvent
 
 T = TypeVar("T", bound=Part)
+E = TypeVar("E")
 
 
 class Platform:
@@ -45,7 +47,10 @@ class Platform:
         self.refused: Counter[str] = Counter()
         self._out: list[Effect] = []
         self._now_us = now_us
-        self.containment = Containment(self._note, self._reoffer, is_on=config.contained)
+        self._event: Event | None = None
+        self.containment = Containment(
+            self._note, lambda: self._now_us, self._cause, self._may_silence, is_on=config.contained
+        )
         self.ports = Ports(
             config,
             now_us,
@@ -64,7 +69,8 @@ class Platform:
         self._timed = self._having("on_time")
         self._with_peers, self._with_alarms = self._having("on_peer"), self._having("on_alarm")
         self._flushed, self._owing = self._having("flush"), self._having("is_owing")
-        self.deadlines = EarliestDeadline(self._having("deadline_us"), self.containment.deadline_us)
+        self.deadlines = EarliestDeadline(self._having("deadline_us"), self.containment.due_us)
+        self._unstarted: list[Part] = []
         self._arrivals: dict[str, Handler] = {
             chunk: getattr(part, method) for part in self.parts for chunk, method in part.arrivals.items()
         }
@@ -84,7 +90,9 @@ class Platform:
             Conflated: self._on_conflated,
             HandlerFailed: self._on_failed,
         }
-        return {kind: each[0] if len(each) == 1 else partial(_first, each) for kind, each in handlers.items()} | own
+        return {
+            kind: each[0] if len(each) == 1 else partial(self._first, each) for kind, each in handlers.items()
+        } | own
 
     @property
     def member(self) -> Member:
@@ -107,79 +115,76 @@ class Platform:
     def start(self, now_us: int) -> list[Effect]:
         """Come into the federation."""
         self._now_us = now_us
-        for part in self.parts:
-            self._step(part, "start", now_us)
+        self._start(self.parts)
         return self.settle()
+
+    def _start(self, parts: Sequence[Part]) -> None:
+        """Start parts; one that raises is started again when its pause ends."""
+        step, is_stepped, now_us = self.containment.step, self.containment.is_stepped, self._now_us
+        self._unstarted = [part for part in parts if not is_stepped(part) or not step(part, part.start, now_us)]
 
     def on_event(self, event: Event, now_us: int) -> list[Effect]:
         """Take one event; `now_us` is the node clock."""
-        self._now_us = now_us
+        self._now_us, self._event = now_us, event
+        take: Handler = _nothing
         try:
             if isinstance(event, Arrived):
-                if not self.containment.is_heard(event.key, now_us):
-                    self.refused["not listened to"] += 1
-                    return self._effects()
-                take: Handler = self._arrivals.get(event.key.partition("/")[0], _no_key)
+                take = self._arrivals.get(event.key.partition("/")[0], _no_key)
             else:
                 take = self._handlers.get(type(event), _nothing)
             followed = take(event, now_us)
+            if followed:
+                self.deadlines.hasten(followed)
         except DecodeError as wrong:
             self.refused[wrong.reason] += 1
+            self._end_question(event)
             return self._effects()
-        except Exception as wrong:
-            if not self.containment.is_on:
-                raise
-            self.containment.caught(_words(take), wrong, now_us, _sender(event))
+        except Exception as wrong:  # noqa: BLE001  (contained)
+            self.containment.caught(place_of(take), wrong)
             followed = None
-        if followed is None:
+        if followed is None or self.containment.is_news:
             return self.settle()
         if not followed:
             return self._effects() if self._out else []
-        self.deadlines.hasten(followed)
         return self.settle() if self.is_owing else []
 
     def on_time(self, now_us: int) -> list[Effect]:
         """Let time pass. Call at `deadline_us`; more often is harmless."""
-        self._now_us = now_us
+        self._now_us, self._event = now_us, None
+        if self._unstarted:
+            self._start(self._unstarted)
         for part in self._timed:
-            if self.containment.is_stepped(part, now_us):
-                self._step(part, "on_time", now_us)
+            if self.containment.is_stepped(part):
+                self.containment.step(part, part.on_time, now_us)
+        if self.containment.on_time(now_us):
+            self.containment.call(self.ports.offer, now_us, otherwise=None)
         return self.settle()
-
-    def _step(self, part: Part, method: str, now_us: int) -> None:
-        """Step one part, whatever the others do."""
-        try:
-            getattr(part, method)(now_us)
-        except Exception as wrong:
-            if not self.containment.is_on:
-                raise
-            self.containment.failed_step(part, method, wrong, now_us)
 
     @property
     def deadline_us(self) -> int:
         """When `on_time` has work next (node clock), or a little earlier."""
-        return self.deadlines.earliest_us(self._now_us)
+        due_us, told_us = self.deadlines.earliest_us(self._now_us), self.containment.deadline_us
+        return due_us if told_us is None or told_us >= due_us else max(told_us, self._now_us)
 
     @property
     def is_owing(self) -> bool:
         """Whether there are effects to return, or samples to put."""
-        for part in self._owing:
-            if part.is_owing:
-                return True
+        try:
+            for part in self._owing:
+                if part.is_owing:
+                    return True
+        except Exception as wrong:  # noqa: BLE001  (contained)
+            self.containment.caught(f"{type(part).__name__}.is_owing", wrong)
+            return True
         return bool(self._out)
 
     def settle(self) -> list[Effect]:
         """End a step that may have changed anything, also one that was taken by hand; returns its effects."""
         self.deadlines.forget()
         for part in self._flushed:
-            if not self.containment.is_stepped(part, self._now_us):
-                continue
-            try:
-                part.flush()
-            except Exception as wrong:
-                if not self.containment.is_on:
-                    raise
-                self.containment.failed_step(part, "flush", wrong, self._now_us)
+            if self.containment.is_stepped(part):
+                self.containment.step(part, part.flush)
+        self.containment.is_news = False
         return self._effects()
 
     def _effects(self) -> list[Effect]:
@@ -190,43 +195,41 @@ class Platform:
     # -- what parts bring about --------------------------------------------------------------------------------
 
     def _on_peer(self, change: PeerChange, now_us: int) -> None:
+        """Tell each part, whatever the others do."""
         for part in self._with_peers:
-            self._tell(part, "on_peer", change, now_us, change.unit)
+            self.containment.call(part.on_peer, change, now_us, otherwise=None)
 
     def _on_alarm(self, event: AlarmEvent) -> None:
         for part in self._with_alarms:
-            self._tell(part, "on_alarm", event, self._now_us)
+            self.containment.call(part.on_alarm, event, self._now_us, otherwise=None)
 
-    def _tell(self, part: Part, method: str, news: PeerChange | AlarmEvent, now_us: int, sender: str = "") -> None:
-        """Tell one part, whatever the others do."""
-        try:
-            getattr(part, method)(news, now_us)
-        except Exception as wrong:
-            if not self.containment.is_on:
-                raise
-            self.containment.caught(f"{type(part).__name__}.{method}", wrong, now_us, sender)
+    def _cause(self) -> str:
+        """The unit that sent the present event; empty: none did, or it is not known."""
+        key = getattr(self._event, "key", None)
+        return sender_of(keys.parse_key(key)) if isinstance(key, str) else ""
 
-    def _reoffer(self, now_us: int) -> None:
-        self.ports.offer(now_us)
+    def _may_silence(self, unit: str) -> bool:
+        return self.config.trust is not None and self.ports.role_of(unit) < Role.COMMAND_CENTRE
 
     def _services(self) -> Sequence[Service]:
         return tuple({offer.service.service: offer.service for part in self.parts for offer in part.offers}.values())
 
     def _labels(self) -> Sequence[LabelEntry]:
         """The semantic labels of all parts: of two of one name, that of the later part."""
-        return tuple({entry.label: entry for part in self.parts for entry in part.labels()}.values())
+        return tuple({entry.label: entry for part in self.parts for entry in self._said(part.labels)}.values())
 
     def _conditions(self) -> Sequence[ConditionEntry]:
-        found = list(self.containment.conditions())
-        for part in self.parts:
-            try:
-                found += part.conditions()
-            except Exception as wrong:
-                if not self.containment.is_on:
-                    raise
-                self.containment.failures[f"{type(part).__name__}.conditions"] += 1
-                self._note(f"impaired: {type(part).__name__}.conditions: {wrong}")
-        return tuple(found)
+        """What a description has room for: what is impaired first."""
+        found = [entry for part in self.parts for entry in self._said(part.conditions)]
+        return (*self.containment.conditions(), *found)[:MAX_CONDITIONS]
+
+    def _said(self, say: Callable[[], Iterable[E]]) -> tuple[E, ...]:
+        """All that a part says of itself, nothing if it raises."""
+        try:
+            return tuple(say())
+        except Exception as wrong:  # noqa: BLE001  (contained)
+            self.containment.caught(place_of(say), wrong)
+            return ()
 
     def _note(self, text: str) -> None:
         self._out.append(Note(self._now_us, text))
@@ -241,38 +244,36 @@ class Platform:
         key: Any = keys.parse_key(event.key)
         handler = self._handlers.get(type(key))
         if handler is None or key[0] != self.unit:
-            self.refused["key"] += 1
-            return ()
-        return handler(event, now_us)
+            raise DecodeError("key")
+        return self._first((handler,), event, now_us)
+
+    def _end_question(self, event: Event) -> None:
+        """A question that could not be taken ends: its requester does not wait."""
+        if isinstance(event, Asked):
+            self._out.append(AnswerEnd(event.ask))
 
     def _on_conflated(self, event: Conflated, _now_us: int) -> Followed:
         self.refused["conflated"] += event.lost
         return ()
 
+    def _first(self, handlers: Sequence[Handler], event: Event, now_us: int) -> Followed:
+        """What the first of several parts makes of an event that is its own."""
+        for handler in handlers:
+            try:
+                followed = handler(event, now_us)
+            except DecodeError:
+                raise
+            except Exception as wrong:  # noqa: BLE001  (contained)
+                self.containment.caught(place_of(handler), wrong)
+                continue
+            if followed is not NOT_MINE:
+                return followed
+        self._end_question(event)
+        return ()
+
     def _on_failed(self, event: HandlerFailed, _now_us: int) -> Followed:
         self._out.append(Note(event.at_us, f"{event.where}: {event.error}"))
         return None
-
-
-def _first(handlers: Sequence[Handler], event: Event, now_us: int) -> Followed:
-    """What the first of several parts makes of an event that is its own."""
-    for handler in handlers:
-        followed = handler(event, now_us)
-        if followed is not NOT_MINE:
-            return followed
-    return ()
-
-
-def _words(handler: Handler) -> str:
-    """The part and method that take an event."""
-    part = getattr(handler, "__self__", None)
-    return f"{'Platform' if part is None else type(part).__name__}.{getattr(handler, '__name__', 'on_event')}"
-
-
-def _sender(event: Event) -> str:
-    """The unit that sent it; empty: none did, or it is not known."""
-    key = getattr(event, "key", None)
-    return sender_of(keys.parse_key(key)) if isinstance(key, str) else ""
 
 
 def _no_key(_event: Arrived, _now_us: int) -> Followed:

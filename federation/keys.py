@@ -269,7 +269,7 @@ def _parse(key: str) -> Key | None:
         return None
 
 
-@lru_cache(maxsize=65_536)
+@lru_cache(maxsize=16_384)
 def matches(key_expr: str, key: str) -> bool:
     """Does Zenoh deliver what is put on `key` to a subscriber of `key_expr`?
 

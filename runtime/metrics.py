@@ -111,6 +111,7 @@ class PlatformMetrics:
             refused.add_metric([unit, reason], count)
         yield refused
         yield from self._alarms()
+        yield from self._failures()
         lost = CounterMetricFamily(
             "dyknow_journal_entries_lost", "Entries the journal could not keep.", labels=["unit"]
         )
@@ -137,6 +138,27 @@ class PlatformMetrics:
             missing.add_metric([unit, owner, label], found["missing"])
         yield from counted.values()
         yield missing
+
+    def _failures(self) -> Iterator[Any]:
+        """What parts raised, by place and by the member over whose messages; how many places are impaired now."""
+        from prometheus_client.core import CounterMetricFamily, GaugeMetricFamily
+
+        unit, contain = self._platform.unit, self._platform.containment
+        raised = CounterMetricFamily("dyknow_failures", "What parts raised, by place.", labels=["unit", "place"])
+        for place, count in contain.failures.copy().items():
+            raised.add_metric([unit, place], count)
+        yield raised
+        over = CounterMetricFamily(
+            "dyknow_failures_over", "What parts raised over what a member sent.", labels=["unit", "sender"]
+        )
+        for sender, count in contain.senders.copy().items():
+            over.add_metric([unit, sender], count)
+        yield over
+        impaired = GaugeMetricFamily("dyknow_impaired", "Places that are impaired.", labels=["unit", "out"])
+        found = Counter(each.is_out for each in contain.impaired.copy().values())
+        for is_out in (False, True):
+            impaired.add_metric([unit, str(is_out).lower()], found[is_out])
+        yield impaired
 
     def _alarms(self) -> Iterator[Any]:
         """Alarms that are open, among the last thousand edges, and monitors by what they show."""

@@ -193,12 +193,13 @@ class PlatformProcess:
         if self._pressure.is_news:
             self.mailbox.post(Pressed(now_us, self._pressure.reported()))
         step(self._node, self.mailbox, self.clock.now_us, self._perform, timeout_s)
+        call = self._platform.containment.call
         if self._accepted is not None:
-            self._accepted.step()
+            call(self._accepted.step, otherwise=None)
         if self._journal is not None and self._journal.failed is not None and not self._is_journal_lost:
             self._is_journal_lost = True
             self.impair(f"the journal has ended: {self._journal.failed}")
-        self._tell_directory(self._platform)
+        call(self._tell_directory, self._platform, otherwise=None)
         self._tell_waiting()
 
     def leave(self) -> None:
@@ -293,6 +294,13 @@ class PlatformProcess:
             self._perform(effect)
 
     def _perform(self, effect: Any) -> None:
+        """Carry out one effect; one that raises is lost, and the platform is impaired."""
+        try:
+            self._carry_out(effect)
+        except Exception as error:  # noqa: BLE001  (contained)
+            self._platform.containment.caught(f"effect {type(effect).__name__}", error)
+
+    def _carry_out(self, effect: Any) -> None:
         kind = type(effect)
         if kind is Command or kind is InjectFault:
             self._fly(effect)

@@ -312,6 +312,32 @@ class Box(World):
         self.run(0.1)
         return question
 
+    def shown(
+        self, by: str, to: str, content: Content, evidence: bytes, performative: Performative = P.REQUEST
+    ) -> Question:
+        """Ask with evidence for a task, and wait a tenth of a second for answers."""
+        dialogue = Dialogue(to)
+
+        def ask(member: Member, now_us: int) -> None:
+            dialogue.conversation = member.acts.ask(
+                to, content, now_us, performative=performative, on_reply=dialogue.on_reply,
+                on_silence=dialogue.on_silence, evidence=evidence,
+            )  # fmt: skip
+
+        self.speak(by, ask)
+        self.run(0.1)
+        return Question(dialogue)
+
+    def evidence(self, task: str) -> bytes:
+        """The act that delegated a task, as it crossed."""
+        for crossed in self.wire.log:
+            key = keys.parse_key(crossed.put.key)
+            if isinstance(key, keys.ActKey) and key.agent != RECEIPT_AGENT and crossed.sender:
+                act = decode_act(crossed.put.payload)[0]
+                if act.conversation_id == task and act.performative in {P.REQUEST, P.REQUEST_WHEN}:
+                    return crossed.put.payload
+        raise LookupError(task)
+
     def cancel_task(self, by: str, unit: str, conversation: str) -> Dialogue:
         """End a task of `unit` that `by` need not have delegated."""
         dialogue = Dialogue(unit, conversation)

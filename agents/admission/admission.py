@@ -8,8 +8,8 @@ from collections.abc import Callable, Sequence
 from typing import Any, TypeAlias
 
 from agents.actions import Action, Role, ServiceTable
-from agents.admission.containment import Containment
-from agents.admission.limits import ActLimits
+from agents.admission.limits import COMMANDING, TEXT_BURST, TEXT_PER_S, ActLimits, text_in
+from agents.containment import Containment, place_of
 from agents.interface import InterfaceAgent
 from agents.part import ClockCompared, Followed, Part, PeerChange
 from dyknow.model import errors
@@ -63,6 +63,7 @@ class Admission(Part):
         ContentError: two parts understand the same content.
     """
 
+    vital = True
     arrivals = {"acl": "on_act"}  # noqa: RUF012  (a declaration)
 
     def __init__(
@@ -75,6 +76,7 @@ class Admission(Part):
         contain: Containment,
     ) -> None:
         self._interface, self._parts, self._limits, self._role_of = agent, tuple(parts), limits, role_of
+        self._texts = ActLimits(TEXT_PER_S, TEXT_BURST)
         self._contain, self._refuse, self._unit = contain, refuse, agent.unit
         self.table = ServiceTable(offer for part in parts for offer in part.offers)
         self._handlers: dict[str, Handler] = {
@@ -125,7 +127,7 @@ class Admission(Part):
                     comes_to(self._consider(act, now_us))
             else:
                 opening = interface.lost.pop(0)
-                any(part.on_lost(opening, now_us) for part in self._parts)
+                any(self._contain.call(part.on_lost, opening, now_us, otherwise=False) for part in self._parts)
 
     def _consider(self, act: Act, now_us: int) -> str:
         """Do what the act asks for, or answer why not; returns the outcome in words."""
@@ -139,11 +141,9 @@ class Admission(Part):
         except errors.DyknowError as wrong:
             self._answer(act, P.REFUSE, wrong, now_us)
             return f"{wrong.code.replace('-', ' ') if isinstance(wrong, Denied) else 'refused'}: {wrong}"
-        except Exception as wrong:
-            if not self._contain.is_on:
-                raise
+        except Exception as wrong:  # noqa: BLE001  (contained)
             head = "cancel" if act.content is None else act.content.head
-            self._contain.caught(f"({head} ...)", wrong, now_us, act.sender.unit)
+            self._contain.caught(f"({head} ...)", wrong, act.sender.unit, by_act=True)
             failed = errors.Refused(
                 f"({head} ...) failed here: {type(wrong).__name__}; the platform continues", "failed"
             )
@@ -163,6 +163,8 @@ class Admission(Part):
             Denied, ContentError, and what the part that handles it raises.
         """
         sender = act.sender.unit
+        if not self._contain.is_heard(sender):
+            raise Denied(f"acts of {sender} made parts of {self._unit} fail: none is taken for a minute", "not-heard")
         if not self._limits.admit(sender, now_us):
             raise Denied(f"too many acts from {sender}; ask more slowly", "too-many-acts")
         if act.reply_to is not None and act.reply_to.unit != sender:
@@ -174,6 +176,7 @@ class Admission(Part):
             raise Denied(f"{act.performative} is not taken: {NOT_TAKEN[act.performative]}", "performative")
         if act.content is None:
             raise errors.ContentError("an act without content has no meaning")
+        self._check_text(act, now_us)
         content = read(act.content)
         service, action = self.table.of(content.head, act.performative)
         self._check_door(act, service)
@@ -189,6 +192,17 @@ class Admission(Part):
             text = f"{service.service} is protected on {self._unit}; ask {INTERFACE}@{self._unit}"
             raise Denied(text, Visibility.PROTECTED)
 
+    def _check_text(self, act: Act, now_us: int) -> None:
+        """Raise Denied if the sender has sent more text of late than is read here."""
+        cost = text_in(act.content)
+        if cost == 0:
+            return
+        sender = act.sender.unit
+        share = COMMANDING if self._role_of(sender) is Role.COMMAND_CENTRE else 1
+        if not self._texts.admit(sender, now_us, cost / share):
+            text = f"{sender} sends more than {share * TEXT_PER_S:.0f} characters a second; ask more slowly"
+            raise Denied(text, "too-much-text")
+
     def _check_role(self, unit: str, action: Action) -> None:
         if self._role_of(unit) >= action.role:
             return
@@ -197,11 +211,20 @@ class Admission(Part):
         raise Denied(f"an observer may ask and subscribe, but not for ({action.head} ...)", "role")
 
     def _cancel(self, act: Act, now_us: int) -> None:
-        if any(part.on_cancel(act, now_us) for part in self._parts):
-            self._interface.answer(act, P.INFORM, Done(), now_us)
-        else:
-            text = f"no task {act.conversation_id} on this platform"
-            self._interface.answer(act, P.FAILURE, Reason(text=text, code="unknown-task"), now_us)
+        reason = Reason(text=f"no task {act.conversation_id} on this platform", code="unknown-task")
+        for part in self._parts:
+            try:
+                is_ended = part.on_cancel(act, now_us)
+            except errors.DyknowError:
+                raise
+            except Exception as wrong:  # noqa: BLE001  (contained)
+                self._contain.caught(place_of(part.on_cancel), wrong, act.sender.unit)
+                reason = Reason(text=f"(cancel) failed here: {type(wrong).__name__}", code="failed")
+            else:
+                if is_ended:
+                    self._interface.answer(act, P.INFORM, Done(), now_us)
+                    return
+        self._interface.answer(act, P.FAILURE, reason, now_us)
 
 
 def _handler(part: Part, action: Action) -> Handler:

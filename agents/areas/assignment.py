@@ -1,8 +1,7 @@
 """The piece of a divided area that this platform is to watch, as a stream under `assigned-area` (thesis 9.2.3).
 
-The leader of a division is the platform that it was delegated to, which is in the name of its task, and while that is gone
-a successor: the first of the platforms with a piece, by unit. A successor that is not known yet is followed if the leader
-is not there; of two the one that sorts first is, and the platform that the task was delegated to always.
+An assignment carries the act that delegated the division, and is taken from the platform that leads it by that act:
+`agents.tasks.authority`. A platform that has no part in a division knows of it, too: it may have to lead it.
 
 Times are the node clock, but for valid times.
 """
@@ -14,13 +13,13 @@ from typing import Final
 
 from agents.actions import COORDINATION, INFORMED, Action, Offer
 from agents.part import Part, PeerChange
+from agents.tasks.authority import Authority, TaskEvidence
 from dyknow import US_PER_S, Network
 from dyknow.model.errors import Refused
 from federation.members.clock import FederationClock
-from federation.members.directory import DirectoryFacilitator, unit_order
 from federation.members.liveness import PlatformAppeared, PlatformGone
 from federation.messages.acts import Act
-from federation.messages.contents import AssignArea
+from federation.messages.contents import AssignArea, DivideArea
 from federation.messages.descriptions import ConditionEntry, LabelEntry
 from federation.sharing.translation import Translation
 
@@ -35,15 +34,12 @@ MOST, MOST_OF_ONE = 16, 8
 
 @dataclass(slots=True)
 class AssignedPiece:
-    """The newest assignment of one task, by which life of its leader; `gone_us`: since when the leader is gone.
-
-    `delegate_boot` is the life of the platform that the task was delegated to.
-    """
+    """The newest assignment of one task, by which life of its leader, for what was delegated; `gone_us`: since when the leader is gone."""
 
     leader: str
     boot: int
     content: AssignArea
-    delegate_boot: int
+    evidence: TaskEvidence
     gone_us: int | None = None
 
 
@@ -52,7 +48,7 @@ class AreaAssignment(Part):
 
     Attributes:
         pieces: by task.
-        refused: assignments that were not taken, by reason.
+        refused: assignments that were not taken, by the code of the refusal.
         on_led: takes a task that another platform leads from now on.
         on_piece: called when the pieces have changed.
     """
@@ -62,26 +58,20 @@ class AreaAssignment(Part):
     def __init__(
         self,
         unit: str,
-        boot: int,
         clock: FederationClock,
-        directory: DirectoryFacilitator,
+        authority: Authority,
         network: Network,
         translation: Translation,
         offer: Callable[[int], None],
         note: Callable[[str], None],
     ) -> None:
-        self._unit, self._boot, self._clock, self._network, self._offer, self._note = (
-            unit,
-            boot,
-            clock,
-            network,
-            offer,
-            note,
-        )
-        self._directory, self._translation, self._local = directory, translation, translation.local_label(LABEL, unit)
+        self._clock, self._network, self._offer, self._note = clock, network, offer, note
+        self._authority, self._translation, self._local = authority, translation, translation.local_label(LABEL, unit)
+        authority.on_over.append(self.drop)
         self.on_led: Callable[[str], None] = lambda _task: None
         self.on_piece: Callable[[], None] = lambda: None
         self.pieces: dict[str, AssignedPiece] = {}
+        self._without: dict[str, AssignedPiece] = {}
         self.refused: Counter[str] = Counter()
         self._generations: dict[tuple[str, str], int] = {}
         self._due_us: int | None = None
@@ -102,45 +92,34 @@ class AreaAssignment(Part):
         )[:2]
 
     def on_assign(self, act: Act, content: AssignArea, now_us: int) -> None:
-        """`(assign-area ...)`: of the leader of the task.
+        """`(assign-area ...)`: of the leader of the task, with the act that delegated it.
 
         Raises:
-            Refused: another sends it, the task is of another delegator, or there are too many pieces already.
+            Refused: another sends it, there is no evidence for it, or there are too many pieces already.
         """
         sender = act.sender.unit
-        if content.delegator is not None and not content.task.startswith(f"{content.delegator}-"):
-            self.refused["not its delegator"] += 1
-            raise Refused(
-                f"{content.task} was not asked for by {content.delegator}: its name says by whom", "delegator"
-            )
-        of_sender = [task for task, piece in self.pieces.items() if piece.leader == sender and task != content.task]
-        if content.rings and (len(of_sender) >= MOST_OF_ONE or len({*self.pieces, content.task}) > MOST):
-            self.refused["too many pieces"] += 1
-            raise Refused(f"there are {len(self.pieces)} pieces here, {len(of_sender)} of {sender}", "too-many-pieces")
-        if not self._may_lead(sender, content):
-            self.refused["not its task"] += 1
-            raise Refused(f"{sender} does not lead {content.task}", "not-its-task")
+        try:
+            evidence = self._authority.proven(act, content.task, (DivideArea,), now_us)
+            self._authority.check_leads(evidence, sender, act.boot, now_us)
+            self._check_room(sender, content.task)
+            self._check_place(content, evidence)
+        except Refused as refused:
+            self.refused[refused.code] += 1
+            raise
         self.on_led(content.task)
-        self.assign(sender, act.boot, content, now_us)
+        self.assign(sender, act.boot, content, evidence, now_us)
 
-    def _may_lead(self, sender: str, content: AssignArea) -> bool:
-        delegate = content.task.rpartition(".")[2]
-        if sender == delegate:
-            return True
-        piece = self.pieces.get(content.task)
-        if piece is None or piece.gone_us is not None:
-            return not self._is_there(delegate, content.delegate_boot if piece is None else piece.delegate_boot)
-        is_before = piece.leader != delegate and unit_order(sender) < unit_order(piece.leader)
-        return sender == piece.leader or is_before
+    def _check_room(self, sender: str, task: str) -> None:
+        of_sender = sum(each.leader == sender and name != task for name, each in self.known.items())
+        if of_sender >= MOST_OF_ONE or len({*self.known, task}) > MOST:
+            raise Refused(f"there are {len(self.known)} pieces here, {of_sender} of {sender}", "too-many-pieces")
 
-    def _is_there(self, delegate: str, boot: int) -> bool:
-        """Whether the life of a platform to which a task was delegated leads it."""
-        if delegate == self._unit:
-            return boot == self._boot
-        entry = self._directory.entry(delegate)
-        return self._directory.is_present(delegate) and entry is not None and entry.boot == boot
+    def _check_place(self, content: AssignArea, evidence: TaskEvidence) -> None:
+        corner = content.outside(evidence.content.area) if isinstance(evidence.content, DivideArea) else None
+        if corner is not None:
+            raise Refused(f"the piece has a place outside the area that is divided: {corner}", "outside")
 
-    def assign(self, leader: str, boot: int, content: AssignArea, now_us: int) -> None:
+    def assign(self, leader: str, boot: int, content: AssignArea, evidence: TaskEvidence, now_us: int) -> None:
         """Take what the leader of a task assigns, unless a later division by it is known."""
         task, has_been = content.task, bool(self.pieces)
         if content.generation < self._generations.get((task, leader), 0):
@@ -150,18 +129,26 @@ class AreaAssignment(Part):
         while len(self._generations) > 256:
             del self._generations[next(iter(self._generations))]
         had = self.pieces.pop(task, None)
+        self._without.pop(task, None)
+        piece = AssignedPiece(leader, boot, content, evidence)
         if content.rings:
-            self.pieces[task] = AssignedPiece(leader, boot, content, content.delegate_boot)
+            self.pieces[task] = piece
             self._note(
-                f"area: {content.area_m2:.0f} m2 around {content.middle}, {content.share:.0%} of the whole, by {leader}"
+                f"area: {content.area_m2:.0f} m2 around {content.middle}, {content.share:.0%} of the whole, by {leader}, "
+                f"delegated by {evidence.delegator}"
             )
-        elif had is not None:
-            self._note(f"area: none any longer, by {leader}")
+        else:
+            self._without[task] = piece
+            if had is not None:
+                self._note(f"area: none any longer, by {leader}")
         self._changed(has_been, now_us)
 
     def drop(self, task: str, now_us: int) -> None:
-        """No platform leads the task any longer."""
-        if self.pieces.pop(task, None) is not None:
+        """The task is over."""
+        self._without.pop(task, None)
+        had = self.pieces.pop(task, None)
+        if had is not None:
+            self._note(f"area: none any longer, by {had.leader}: the task is over")
             self._changed(True, now_us)
 
     def _changed(self, has_been: bool, now_us: int) -> None:
@@ -175,11 +162,16 @@ class AreaAssignment(Part):
     def on_peer(self, change: PeerChange, now_us: int) -> None:
         """A leader that is gone cannot renew its division, and one that was restarted knows nothing of it."""
         if isinstance(change, PlatformGone | PlatformAppeared):
-            for piece in self.pieces.values():
+            for piece in self.known.values():
                 if piece.leader == change.unit:
                     is_gone = isinstance(change, PlatformGone) or change.boot != piece.boot
                     piece.gone_us = now_us if is_gone else None
                     self._offer(now_us)
+
+    @property
+    def known(self) -> dict[str, AssignedPiece]:
+        """With the divisions in which this platform has no piece."""
+        return {**self._without, **self.pieces}
 
     @property
     def deadline_us(self) -> int | None:

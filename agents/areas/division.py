@@ -2,8 +2,8 @@
 
 It asks each for its maximum speed, battery and position by semantic label, divides the area in proportion to speed and battery, in
 the order in which the platforms lie along it, and informs each of its piece; again whenever one comes or goes. When the
-leader is gone, the first of the platforms with a piece, by unit, takes over, and the next a second later if it does not.
-It leads until the leader is back in the same life, and divides again. Times are the node clock.
+leader is gone, the first in the order of `agents.tasks.authority` takes over. It leads until one before it is back in the same life,
+and divides again. What is told carries the act that delegated the division. Times are the node clock.
 """
 
 from collections.abc import Callable, Sequence
@@ -16,6 +16,7 @@ from agents.areas.assignment import AreaAssignment
 from agents.exchange.gateway import Gateway
 from agents.interface import InterfaceAgent
 from agents.part import Part, PeerChange
+from agents.tasks.authority import WAIT_US, Authority, TaskEvidence
 from agents.tasks.life import TaskLife
 from agents.tasks.requests import DIVIDE_AREA
 from agents.tasks.task import Task
@@ -45,6 +46,8 @@ BATTERY_LEAST: Final = 0.1
 """With less a platform gets no piece."""
 SUCCESSOR_STEP_US: Final = 1_000_000
 """How much later each next platform takes over a division whose leader is gone."""
+RENEWED_US: Final = 2_000_000
+"""After that a successor divides once more: one that saw the leader longer has not followed it."""
 MOST: Final = 8
 """Divisions that one platform leads."""
 
@@ -82,20 +85,25 @@ class PlatformAbility:
 class DividedArea:
     """One task: what is divided into which pieces, and the answers that are awaited."""
 
-    task: str
-    delegator: str
-    whole: tuple[str, ...]
+    evidence: TaskEvidence
+    content: DivideArea
     area: Area
-    sensor: str | None
-    delegate_boot: int
     generation: int = 0
-    scan_m: float | None = None
     pieces: dict[str, Piece] = field(default_factory=dict)
     asked: dict[str, PlatformAbility] = field(default_factory=dict)
     open: int = 0
     round: int = 0
     due_us: int | None = None
+    renew_us: int | None = None
     is_asking: bool = False
+
+    @property
+    def task(self) -> str:
+        return self.evidence.task
+
+    @property
+    def delegator(self) -> str:
+        return self.evidence.delegator
 
 
 class AreaDivision(Part):
@@ -119,11 +127,12 @@ class AreaDivision(Part):
         directory: DirectoryFacilitator,
         gateway: Gateway,
         tasks: TaskLife,
+        authority: Authority,
         own: AreaAssignment,
         note: Callable[[str], None],
     ) -> None:
         self._unit, self._boot, self._agent, self._directory, self._gateway = unit, boot, agent, directory, gateway
-        self._tasks, self._own, self._note = tasks, own, note
+        self._tasks, self._authority, self._own, self._note = tasks, authority, own, note
         self.areas: dict[str, DividedArea] = {}
         self.succeeds_us: dict[str, int] = {}
         own.on_led = self._on_led
@@ -132,15 +141,14 @@ class AreaDivision(Part):
         """`(divide-area ...)`: until it is cancelled.
 
         Raises:
-            Refused: it is no area, or this platform leads as many divisions as it may.
+            Refused: it is no area, it flies vehicles and the sender may not, or this platform leads as many as it may.
         """
         task = self._tasks.check_free(act.conversation_id)
         if len(self.areas) >= MOST:
             raise Refused(f"this platform divides {MOST} areas already")
         if not task.endswith(f".{self._unit}"):
             raise Refused(f"{task} does not name {self._unit} as the platform that it was delegated to")
-        divided = DividedArea(task, act.sender.unit, content.area, _area(content.area), content.sensor, self._boot)
-        divided.scan_m = content.scan_m
+        divided = DividedArea(self._authority.delegated(act, content), content, _area(content.area))
         self.areas[task] = divided
         self._tasks.add(Task(task, act.sender.unit, DivideArea.head, partial(self._end, task), since_us=now_us))
         self._agent.answer(act, P.AGREE, None, now_us)
@@ -148,9 +156,8 @@ class AreaDivision(Part):
 
     def _end(self, task: str, now_us: int) -> tuple[str, ...]:
         divided = self.areas.pop(task)
-        divided.generation = next_generation(divided.generation)
-        for unit in divided.pieces:
-            self._inform(divided, unit, Piece((), 0.0, (0.0, 0.0)), 0.0, now_us)
+        self._authority.end(divided.evidence, now_us, {**divided.asked, **divided.pieces})
+        self._own.drop(task, now_us)
         return ()
 
     # -- ask ---------------------------------------------------------------------------------------------------
@@ -169,7 +176,7 @@ class AreaDivision(Part):
     def _ask(self, divided: DividedArea, now_us: int) -> None:
         divided.round += 1
         divided.is_asking, divided.due_us = True, now_us + ANSWER_US
-        there = self._participants(divided.sensor)
+        there = self._participants(divided.content.sensor)
         divided.asked = {unit: PlatformAbility(unit) for unit in there}
         questions = [(unit, label) for unit in there for label in ASKED if unit != self._unit and label in there[unit]]
         divided.open = len(questions)
@@ -230,7 +237,7 @@ class AreaDivision(Part):
             able.sort(key=lambda each: (each.unit not in along, along.get(each.unit, 0.0), unit_order(each.unit)))
             pieces = divided.area.divide([each.weight for each in able])
             divided.pieces = {each.unit: piece for each, piece in zip(able, pieces, strict=True)}
-        for unit in {**before, **divided.pieces}:
+        for unit in {**before, **divided.asked}:
             piece = divided.pieces.get(unit, Piece((), 0.0, (0.0, 0.0)))
             self._inform(divided, unit, piece, piece.area_m2 / divided.area.area_m2, now_us)
         self._report(divided, now_us)
@@ -243,17 +250,12 @@ class AreaDivision(Part):
             area_m2=piece.area_m2,
             share=min(1.0, share),
             middle=_text(piece.middle),
-            whole=divided.whole,
-            sensor=divided.sensor,
-            scan_m=divided.scan_m,
-            delegator=divided.delegator,
             units=tuple(divided.pieces),
-            delegate_boot=divided.delegate_boot,
         )
         if unit == self._unit:
-            self._own.assign(unit, self._boot, content, now_us)
+            self._own.assign(unit, self._boot, content, divided.evidence, now_us)
         elif self._directory.is_present(unit):
-            self._agent.tell(unit, content, now_us)
+            self._agent.tell(unit, content, now_us, evidence=divided.evidence.payload)
 
     def _report(self, divided: DividedArea, now_us: int) -> None:
         """Tell the delegator the share of each platform, what was assumed, and which have none."""
@@ -281,7 +283,7 @@ class AreaDivision(Part):
                 case PlatformAppeared(kind="uav") | PlatformReturned():
                     is_other = True
                 case LabelAppeared(unit=unit, label=entry) | LabelGone(unit=unit, label=entry):
-                    is_other = entry.label in {*ASKED, divided.sensor}
+                    is_other = entry.label in {*ASKED, divided.content.sensor}
                 case _:
                     is_other = False
             if is_other:
@@ -289,7 +291,8 @@ class AreaDivision(Part):
 
     @property
     def deadline_us(self) -> int | None:
-        due_us = [each.due_us for each in self.areas.values() if each.due_us is not None]
+        times = [us for each in self.areas.values() for us in (each.due_us, each.renew_us)]
+        due_us = [us for us in times if us is not None]
         return min((*due_us, *self.succeeds_us.values()), default=None)
 
     def on_time(self, now_us: int) -> None:
@@ -297,6 +300,9 @@ class AreaDivision(Part):
             del self.succeeds_us[task]
             self._take_over(task, now_us)
         for divided in list(self.areas.values()):
+            if divided.renew_us is not None and now_us >= divided.renew_us:
+                divided.renew_us = None
+                divided.is_asking, divided.due_us = False, now_us
             if divided.due_us is not None and now_us >= divided.due_us:
                 if divided.is_asking:
                     self._divide(divided, now_us)  # with what was answered
@@ -307,43 +313,30 @@ class AreaDivision(Part):
 
     def _see_to_succession(self, now_us: int) -> None:
         """Of divisions whose leaders are gone: take over in the order of units."""
-        for task, piece in self._own.pieces.items():
+        for task, piece in self._own.known.items():
             if piece.gone_us is None:
                 self.succeeds_us.pop(task, None)
             elif task not in self.succeeds_us:
-                there = [
-                    unit for unit in piece.content.units if self._directory.is_present(unit) and unit != piece.leader
-                ]
-                rank = sorted(there, key=unit_order).index(self._unit) if self._unit in there else len(there)
-                self.succeeds_us[task] = now_us + AFTER_US + rank * SUCCESSOR_STEP_US
+                rank = self._authority.turn(piece.evidence)
+                self.succeeds_us[task] = now_us + WAIT_US + AFTER_US + rank * SUCCESSOR_STEP_US
 
     def _take_over(self, task: str, now_us: int) -> None:
-        piece = self._own.pieces.get(task)
+        piece = self._own.known.get(task)
         if piece is None or piece.gone_us is None or task in self.areas:
             return
-        content = piece.content
-        if piece.leader == (content.delegator or task.partition("-")[0]):
-            self._own.drop(task, now_us)
-            self._note(f"area: {piece.leader}, the delegator and leader of {task}, is gone; no other takes over")
+        content, delegator = piece.evidence.content, piece.evidence.delegator
+        if self._authority.turn(piece.evidence):
+            self.succeeds_us[task] = now_us + SUCCESSOR_STEP_US
             return
-        if len(self.areas) >= MOST or self._tasks.get(task) is not None or not content.whole:
+        if len(self.areas) >= MOST or self._tasks.get(task) is not None or not isinstance(content, DivideArea):
             self._note(f"area: {piece.leader}, the leader of {task}, is gone, and this platform cannot take over")
             return
-        delegator = content.delegator or task.partition("-")[0]
-        divided = DividedArea(
-            task,
-            delegator,
-            content.whole,
-            _area(content.whole),
-            content.sensor,
-            piece.delegate_boot,
-            content.generation,
-        )
-        divided.scan_m = content.scan_m
-        divided.pieces = dict.fromkeys(content.units, Piece((), 0.0, (0.0, 0.0)))
+        divided = DividedArea(piece.evidence, content, _area(content.area), piece.content.generation)
+        divided.pieces = dict.fromkeys(piece.content.units, Piece((), 0.0, (0.0, 0.0)))
+        divided.renew_us = now_us + RENEWED_US
         self.areas[task] = divided
         self._tasks.add(Task(task, delegator, DivideArea.head, partial(self._end, task), since_us=now_us))
-        self._note(f"area: leads {task} from now on, since {piece.leader} is gone")
+        self._note(f"area: leads {task} of {delegator} from now on, since {piece.leader} is gone")
         self._ask(divided, now_us)
 
     def _on_led(self, task: str) -> None:

@@ -2,7 +2,7 @@
 
 Lanes follow from the cameras' field of view. What was seen is a stream, `scanned-area`, which the platforms of a division import of each
 other: when one is gone, and the area is divided again, the others fly over what none has seen. The vehicle is commanded as in
-a mission, so that its pilot, giving way and the permission of a command centre go before it.
+a mission, so that its pilot and giving way go before it; that a command centre asked for the scan is in the evidence of its task.
 """
 
 from collections.abc import Callable, Iterable
@@ -25,7 +25,7 @@ from dyknow import NO_VALUE, US_PER_S, Label, Network, Policy, Sample
 from dyknow.model.errors import Refused
 from dyknow.network.generator import Subscription
 from federation.members.clock import FederationClock
-from federation.messages.contents import AreaRing
+from federation.messages.contents import AreaRing, DivideArea
 from federation.messages.descriptions import ConditionEntry, LabelEntry
 from federation.sharing.translation import Translation
 from navigation.scanning import Floats, ScanGrid, lawn_mower, swath_m, within
@@ -109,7 +109,7 @@ class Scanning(Part):
         """Begin what was assigned, fly on, and tell how much was seen."""
         if self._due_us is None or now_us < self._due_us:
             return
-        wanted = self._wanted(now_us)
+        wanted = self._wanted()
         if wanted is None:
             self._end(now_us)
             return
@@ -120,22 +120,15 @@ class Scanning(Part):
             self._step(self.scan, wanted, now_us)
             self._tell(self.scan, federation_us, now_us)
 
-    def _wanted(self, now_us: int) -> AssignedPiece | None:
-        """The piece that is scanned: a scan gives way only when its own task ends, and to one that a command centre permitted."""
-        pieces = {task: each for task, each in self._assignment.pieces.items() if each.content.scan_m is not None}
-        if self.scan is not None and self.scan.task in pieces and self._is_permitted(self.scan.task, now_us):
-            return pieces[self.scan.task]
-        permitted = [each for task, each in pieces.items() if self._is_permitted(task, now_us)]
-        return permitted[-1] if permitted else next(iter(pieces.values()), None)
-
-    def _is_permitted(self, task: str, now_us: int) -> bool:
-        return self._joined == task or bool(self._performing.permits.leaders(task, now_us))
+    def _wanted(self) -> AssignedPiece | None:
+        """The piece that is scanned: a scan gives way only when its own task ends."""
+        pieces = {task: each for task, each in self._assignment.pieces.items() if each.evidence.flies}
+        own = None if self.scan is None else pieces.get(self.scan.task)
+        return own or next(reversed(pieces.values()), None)
 
     def _end(self, now_us: int) -> None:
         """The division was cancelled: the vehicle holds."""
         self._due_us = None
-        if self.scan is not None:
-            self._performing.permits.end(self.scan.task)
         self.scan = None
         self._leave(now_us)
         for unit in self._partners.units:
@@ -147,15 +140,17 @@ class Scanning(Part):
 
     def _take(self, piece: AssignedPiece, now_us: int) -> None:
         """Another piece, or the same in a newer division: what was seen of the area stays seen."""
-        content, scan = piece.content, self.scan
+        content, scan, asked = piece.content, self.scan, piece.evidence.content
+        if not isinstance(asked, DivideArea):
+            return
         key = piece.leader, content.generation
         if scan is not None and (scan.task, scan.key) == (content.task, key):
             return
-        grid = scan.grid if scan is not None and scan.task == content.task else ScanGrid(self._metres(content.whole))
+        grid = scan.grid if scan is not None and scan.task == content.task else ScanGrid(self._metres(asked.area))
         mine = np.zeros(len(grid.cells), dtype=np.bool_)
         for ring in content.rings:
             mine |= within(self._ring(ring), grid.cells)
-        self.scan = _Scan(content.task, grid, key, mine, content.scan_m or 0.0)
+        self.scan = _Scan(content.task, grid, key, mine, asked.scan_m or 0.0)
         for unit in content.units:
             if unit != self._unit:
                 self._partners.want(unit, {SCANNED: PERIOD_US}, now_us)
@@ -226,7 +221,6 @@ class Scanning(Part):
         if self._joined == scan.task:
             return True
         try:
-            self._performing.permits.check(scan.task, piece.leader, now_us)
             self._performing.join(scan.task, piece.leader, lambda _waits, _at_us: None, now_us)
         except Refused as refused:
             self._show(f"scan: {refused.reason}", now_us)

@@ -8,6 +8,8 @@ from typing import Final
 
 from agents.actions import FEDERATION, QUERIED, SUBSCRIBED, Action, Offer, Role
 from agents.admission.message_log import ACCOUNT
+from agents.containment import Containment
+from agents.directory.doubts import PeerDoubts
 from agents.effects import Effect, Halt, Impaired, LeaveRequested
 from agents.interface import InterfaceAgent
 from agents.part import ClockCompared, Followed, Part, PeerChange
@@ -51,8 +53,10 @@ class DirectoryAgent(Part):
         ontology: what labels mean here; what not every platform has is announced.
         fed: the parts that imported samples may make due earlier.
         emit, note: take effects, and words for users.
+        contain: lets it beat though something else of the member raises.
     """
 
+    vital = True
     offers = (
         Offer(
             DIRECTORY,
@@ -89,12 +93,15 @@ class DirectoryAgent(Part):
         fed: tuple[Part, ...],
         emit: Callable[[Effect], None],
         note: Callable[[str], None],
+        contain: Containment,
     ) -> None:
+        self._contain = contain
         self.facilitator, self._agent, self._offered, self._labels = member.directory, agent, offered, labels
         self._conditions, self._ontology = conditions, ontology
         self._member, self._emit, self._note = member, emit, note
         self._noted: set[str] = set()
         self._impaired: dict[str, int] = {}
+        self._doubts = PeerDoubts(member)
         self._subscribers = Subscribers(agent, tasks)
         self._members: tuple[str, ...] | None = None
         self._missing: dict[str, int] = {}
@@ -118,7 +125,8 @@ class DirectoryAgent(Part):
         self._member.take(self.facilitator.declare(offered, labels, now_us, tails, conditions, own), now_us)
 
     def conditions(self) -> Sequence[ConditionEntry]:
-        return [ConditionEntry(text=text, since_us=at_us) for text, at_us in self._impaired.items()]
+        own = [ConditionEntry(text=text, since_us=at_us) for text, at_us in self._impaired.items()]
+        return [*own, *self._doubts.conditions()]
 
     def on_impaired(self, event: Impaired, now_us: int) -> Followed:
         """Something of the process failed, for the rest of its life."""
@@ -213,7 +221,12 @@ class DirectoryAgent(Part):
 
     def on_time(self, now_us: int) -> None:
         """Judge the silent, ask for what is not known, put again what is not acknowledged, beat."""
-        self._member.on_time(now_us)
+        for step in self._member.steps:
+            self._contain.step(self, step, now_us)
+        if self._doubts.look():
+            for condition in self._doubts.conditions():
+                self._note_once(condition.text)
+            self.offer(now_us)
 
     # -- questions and subscriptions ---------------------------------------------------------------------------
 
@@ -245,6 +258,10 @@ class DirectoryAgent(Part):
     def on_peer(self, change: PeerChange, now_us: int) -> None:
         """Inform the subscribers, and remember which platform is missing."""
         self._on_own(change, now_us)
+        if isinstance(change, ClockCompared):
+            self._doubts.on_clock(change.unit, now_us)
+        elif isinstance(change, liveness.PlatformGone):
+            self._doubts.on_gone(change.unit)
         self._note_missing(change)
         if isinstance(change, ServiceAppeared) and change.service.service == DIRECTORY.service:
             self._ask_missing(change.unit, now_us)

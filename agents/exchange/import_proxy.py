@@ -1,7 +1,7 @@
 """The import proxy of a platform: remote streams come in as local sources (thesis 9.3.3)."""
 
 from collections import Counter
-from collections.abc import Callable, Container, Sequence
+from collections.abc import Callable, Container, Iterable, Sequence
 from dataclasses import dataclass
 from functools import partial
 from typing import TypeAlias
@@ -14,6 +14,7 @@ from federation.members.clock import FederationClock, Offset, Standing
 from federation.members.imports import ImportName, Imports
 from federation.members.offers import DefinitionsChanged
 from federation.messages.codec import StreamSample
+from federation.messages.descriptions import ConditionEntry
 from federation.sharing.ontology import Ontology
 from federation.sharing.ranges import InRange, in_range
 from federation.sharing.translation import Convert, LabelConversion, Translation
@@ -21,6 +22,7 @@ from federation.transport import WireEffect
 
 MAX_STREAMS, STREAMS_OF_ONE = 4096, 64
 """Streams that are imported, in all and of one owner."""
+MOST_SHOWN = 4
 _SKEWED, _CORRECTED = Standing.SKEWED, Standing.CORRECTED
 Sink: TypeAlias = Callable[[int, Value, int, Quality], None]
 """Takes valid time, value and available time of a sample into the local instance."""
@@ -56,6 +58,7 @@ class ImportProxy(Part):
 
     Attributes:
         policies: of the streams that are expected, as their owners announced them.
+        has_news: whether `conditions` has changed since this was reset.
         on_every: called with (unit, semantic label, period, every): only each `every`-th sample comes from now on.
     """
 
@@ -78,7 +81,8 @@ class ImportProxy(Part):
         self.imports, self._disagreement, self._trust = imports, disagreement, platform_trust
         self._sinks: dict[tuple[str, str], Sink] = {}
         self._note = note
-        self._crowded: set[str] = set()
+        self._crowded: dict[str, int] = {}
+        self.has_news = False
         self.refused: Counter[str] = Counter()
         self.policies: dict[ImportName, Policy] = {}
         self.on_every: Callable[[str, str, int, int], None] = lambda _unit, _label, _period_us, _every: None
@@ -89,7 +93,7 @@ class ImportProxy(Part):
         if semantic_label not in self._ontology:
             return
         name = owner, semantic_label, policy_hash
-        if name not in self.imports.streams and not self._has_room(owner):
+        if name not in self.imports.streams and not self._has_room(owner, now_us):
             return
         if self._disagreement(owner, semantic_label):
             self.refused["label conflict"] += 1
@@ -101,18 +105,26 @@ class ImportProxy(Part):
         ):
             self._emit(effect)
 
-    def _has_room(self, owner: str) -> bool:
-        """Whether one more stream of it is taken; what is not is counted, and noted once for each owner."""
+    def _has_room(self, owner: str, now_us: int) -> bool:
+        """Whether one more stream of it is taken; what is not is counted, shown, and noted once for each owner."""
         of_owner = sum(name[0] == owner for name in self.imports.streams)
         if of_owner < STREAMS_OF_ONE and len(self.imports.streams) < MAX_STREAMS:
             return True
         self.refused["too many streams"] += 1
-        if owner not in self._crowded and len(self._crowded) < MAX_STREAMS:
-            self._crowded.add(owner)
+        if owner not in self._crowded:
+            self._crowded[owner], self.has_news = now_us, True
+            if len(self._crowded) > STREAMS_OF_ONE:
+                del self._crowded[next(iter(self._crowded))]
             self._note(
                 f"import: {owner} announces more than the {of_owner} streams that are taken from it; they are refused"
             )
         return False
+
+    def conditions(self) -> Iterable[ConditionEntry]:
+        """Of which owners streams are refused: what is asked of those stays unknown."""
+        for owner, since_us in list(self._crowded.items())[:MOST_SHOWN]:
+            text = f"{owner} announces more than {STREAMS_OF_ONE} streams: further ones are refused, what needs them stays unknown"
+            yield ConditionEntry(text=text, since_us=max(0, since_us))
 
     def on_peer(self, change: PeerChange, _now_us: int) -> None:
         """A platform means something else from now on: what is no longer shared ends."""
@@ -132,6 +144,8 @@ class ImportProxy(Part):
         """The stream ended; its source and history stay for queries."""
         self._thinned((owner, semantic_label, policy_hash), 1)
         self.policies.pop((owner, semantic_label, policy_hash), None)
+        if self._crowded.pop(owner, None) is not None:
+            self.has_news = True
         for effect in self.imports.end((owner, semantic_label, policy_hash)):
             self._emit(effect)
 

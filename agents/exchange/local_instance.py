@@ -28,6 +28,7 @@ class UnitWorkers(NamedTuple):
 class LocalInstance(Part):
     """Steps the network of streams, which lives in federation time."""
 
+    vital = True
     takes = {Computed: "on_computed"}  # noqa: RUF012  (a declaration)
 
     def __init__(

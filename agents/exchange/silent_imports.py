@@ -48,7 +48,7 @@ class SilentImports(Part):
     @property
     def deadline_us(self) -> int | None:
         is_changed = self._changes != self._importer.imports.changes
-        return self._look_us if is_changed or self._is_waiting or self._causes else None
+        return self._look_us if is_changed or self._is_waiting or self._causes or self._importer.has_news else None
 
     def on_time(self, now_us: int) -> None:
         """Ask about streams without a sample; forget those that come, and those that ended."""
@@ -56,6 +56,9 @@ class SilentImports(Part):
         if due_us is None or now_us < due_us:
             return
         self._look_us, self._changes = now_us + LOOK_US, self._importer.imports.changes
+        if self._importer.has_news:
+            self._importer.has_news = False
+            self._offer(now_us)
         streams = self._importer.imports.streams
         silent = {name: one for name, one in streams.items() if not one.stream.account.received}
         self._asked &= silent.keys()

@@ -4,6 +4,7 @@ from collections.abc import Callable, Iterable, Mapping, Sequence
 from typing import Final
 
 from agents.actions import QUERIED, Action, Offer, Role
+from agents.containment import Containment
 from agents.effects import Effect, InjectFault, Reported
 from agents.exchange.local_instance import LocalInstance
 from agents.flight.arbiter import Commander, in_words
@@ -57,8 +58,10 @@ class FlightAgent(Part):
         profiles: of monitors, which may have fences.
         camera_frame: what metres of objects count from, with cameras.
         conditions: what all parts say of their state.
+        contain: lets the pilot fly on when giving way raises.
     """
 
+    vital = True
     offers = (
         Offer(
             FLIGHT,
@@ -82,7 +85,9 @@ class FlightAgent(Part):
         profiles: Mapping[str, Profile],
         camera_frame: LocalFrame | None,
         conditions: Callable[[], Sequence[ConditionEntry]],
+        contain: Containment,
     ) -> None:
+        self._contain = contain
         self._profiles, self._frame, self._conditions = profiles, camera_frame, conditions
         self._agent, self._clock, self.pilot, self.streams, self._emit = agent, clock, pilot, streams, emit
         self._on_moved, self._note, self._offer = giving_way.on_moved, note, offer
@@ -142,7 +147,7 @@ class FlightAgent(Part):
     def _on_estimates(self, estimates: Iterable[Sample], now_us: int) -> None:
         for sample in estimates:
             self._fly(self.pilot.on_estimate(sample))
-            self._on_moved(now_us)
+            self._contain.call(self._on_moved, now_us, otherwise=None)
 
     @property
     def deadline_us(self) -> int | None:

@@ -7,6 +7,7 @@ noted here and reported to the delegator of the task. Times are the node clock.
 from collections.abc import Callable, Iterable
 
 from agents.actions import COORDINATION, Action, Offer
+from agents.containment import Containment
 from agents.exchange.gateway import Gateway
 from agents.flight.avoidance import WOULD_HOLD, Avoidance
 from agents.flight.encounters import (
@@ -59,6 +60,7 @@ class GivingWay(Part):
         refused: proposals of partners that were refused, by code.
     """
 
+    vital = True
     offers = (Offer(COORDINATION, (Action(Avoid, "on_avoid"),)),)
 
     def __init__(
@@ -73,9 +75,11 @@ class GivingWay(Part):
         emit: Callable[[Command], None],
         note: Callable[[str], None],
         on_alarm: Callable[[AlarmEvent], None],
+        contain: Containment,
         *,
         may_avoid: bool,
     ) -> None:
+        self._contain = contain
         self._unit, self._agent, self._clock, self._pilot, self._gateway = unit, agent, clock, pilot, gateway
         self._monitors, self._coordination, self._may_avoid = monitors, coordination, may_avoid
         self._emit, self._note, self._raise = emit, note, on_alarm
@@ -134,7 +138,7 @@ class GivingWay(Part):
             return
         self._follow_diversion(now_us)
         for partner in tuple(dict.fromkeys((*self.encounters, *self._warned))):
-            self._look(partner, own, now_us)
+            self._contain.call(self._look, partner, own, now_us, otherwise=None)
 
     def _look(self, partner: str, own: Fix, now_us: int) -> None:
         warned = self._is_warned(partner)

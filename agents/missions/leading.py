@@ -23,6 +23,7 @@ from agents.missions.performing import Performing
 from agents.missions.searches import MissionSearches
 from agents.missions.sensing import UnitSensors
 from agents.part import Followed, Part
+from agents.tasks.authority import Authority
 from agents.tasks.life import TaskLife
 from agents.tasks.task import Task
 from dyknow.model.errors import Refused
@@ -99,6 +100,7 @@ class MissionLeading(Part):
         keeper: SubscriptionKeeper,
         performing: Performing,
         tasks: TaskLife,
+        authority: Authority,
         origin: Callable[[], LocalFrame | None],
         emit: Callable[[Effect], None],
         note: Callable[[str], None],
@@ -106,6 +108,7 @@ class MissionLeading(Part):
         self._unit, self._agent, self._clock, self._directory = unit, agent, clock, directory
         self._gateway, self._local, self._keeper, self._performing = gateway, local, keeper, performing
         self._tasks, self._origin, self._emit, self._note_of = tasks, origin, emit, note
+        self._authority = authority
         self._led: dict[str, LedMission] = {}
         self.listed: dict[str, ListedRecovery] = {}
         self._over: dict[str, LedMission] = {}
@@ -152,7 +155,7 @@ class MissionLeading(Part):
 
     def _check(self, act: Act, content: FlyMission, now_us: int) -> None:
         sender = act.sender.unit
-        self._performing.permits.check(content.mission, sender, now_us)
+        self._performing.permits.check(content.mission, sender, act.boot, now_us)
         self._performing.permits.check_chain(content.chain, sender)
         self._check_free(content.mission)
         if self._origin() is None:
@@ -224,7 +227,9 @@ class MissionLeading(Part):
                 own.join(order.name, self._unit, now_us)
             else:
                 chain = (*order.chain, self._unit)
-                other = units[name] = OtherUnit(platform, self._agent, led.on_performed, order.name, chain)
+                shown = self._performing.permits.of(order.name, now_us)
+                evidence = b"" if shown is None else shown.payload
+                other = units[name] = OtherUnit(platform, self._agent, led.on_performed, order.name, chain, evidence)
                 other.join(now_us)
         led.begin(now_us)
         task = Task(
@@ -366,8 +371,13 @@ class MissionLeading(Part):
         order = led.order
         if self._led.pop(order.name, None) is None:
             return
+        permit = self._performing.permits.of(order.name, now_us)
         led.release(now_us)
-        self._performing.permits.end(order.name)
+        if permit is not None and not led.is_passed_on:
+            self._authority.end(permit, now_us, led.texts.platforms.values())
+            self._performing.permits.end(order.name)
+        elif permit is not None:
+            self._performing.permits.permit(permit, now_us)
         self._over[order.name] = led
         while len(self._over) > KEPT:
             del self._over[next(iter(self._over))]

@@ -74,7 +74,11 @@ class MissionOrder:
 
 
 class LedMission:
-    """See the module."""
+    """See the module.
+
+    Attributes:
+        is_passed_on: another platform leads it from now on, so that it is not over.
+    """
 
     def __init__(
         self,
@@ -95,6 +99,7 @@ class LedMission:
         self._locates = any(one.located for one in recoveries) or any(one.located for one in operators)
         self._commands = ActionCommands(texts, sensors.frame)
         self.mission: Mission | None = None
+        self.is_passed_on = False
         self.notes: deque[str] = deque(maxlen=NOTES)
         self.question: events.AskHuman | None = None
         self.nodes = 0

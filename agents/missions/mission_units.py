@@ -88,6 +88,7 @@ class OtherUnit:
     on_performed: OnPerformed
     mission: str
     chain: tuple[str, ...]
+    evidence: bytes = b""
     waits: str = ""
     lost: str = ""
     is_ready: bool = False
@@ -111,7 +112,7 @@ class OtherUnit:
         self._again_us = None
         self._joined = self.agent.delegate(
             self.platform, JoinMission(mission=self.mission, chain=self.chain), now_us, on_reply=on_reply,
-            on_silence=self._lose, reply_within_us=JOIN_US,
+            on_silence=self._lose, reply_within_us=JOIN_US, evidence=self.evidence,
         )  # fmt: skip
 
     def _lose(self, why: str, now_us: int) -> None:

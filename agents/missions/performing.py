@@ -10,18 +10,18 @@ from dataclasses import dataclass
 from typing import Final
 
 from agents.actions import Action, Offer, Role
-from agents.admission.mission_permits import Permits, leads_here
+from agents.admission.mission_permits import Permits
 from agents.flight.arbiter import Commander
 from agents.flight.flight import FLIGHT, FlightAgent
 from agents.flight.pilot import Pilot
 from agents.interface import InterfaceAgent
 from agents.missions.command_run import CommandRun, VehicleCommand
 from agents.part import Part
+from agents.tasks.authority import Authority
 from agents.tasks.life import TaskLife
 from agents.tasks.task import Task
 from dyknow.model.errors import Refused
 from federation.members.clock import FederationClock
-from federation.members.directory import DirectoryFacilitator
 from federation.messages.acts import Act
 from federation.messages.contents import (
     CommandEntry,
@@ -43,10 +43,11 @@ Answer = Callable[[str, int], None]
 
 @dataclass(slots=True)
 class _Joined:
-    """The mission that has the vehicle: for whom, and what it does."""
+    """The mission that has the vehicle: for which life of whom, and what it does."""
 
     mission: str
     leader: str
+    boot: int
     conversation: str
     tell: Callable[[str, int], None]
     waits: str = ""
@@ -85,7 +86,7 @@ class Performing(Part):
         flight: FlightAgent,
         pilot: Pilot,
         tasks: TaskLife,
-        directory: DirectoryFacilitator,
+        authority: Authority,
         role_of: Callable[[str], Role],
         emit: Callable[[Command], None],
         note: Callable[[str], None],
@@ -93,7 +94,7 @@ class Performing(Part):
     ) -> None:
         self._unit, self._agent, self._clock, self._flight, self._pilot = unit, agent, clock, flight, pilot
         self._tasks, self._emit, self._note, self._offer = tasks, emit, note, offer
-        self.permits = Permits(unit, role_of, leads_here(directory))
+        self._authority, self.permits = authority, Permits(unit, role_of, authority)
         self._joined: _Joined | None = None
         self._due_us = 0
         self._shown: ConditionEntry | None = None
@@ -125,7 +126,7 @@ class Performing(Part):
 
     def on_permit(self, act: Act, content: PermitMission, now_us: int) -> None:
         """`(permit-mission ...)`: let platforms lead a mission with this vehicle."""
-        self.permits.permit(content.mission, content.leaders, now_us)
+        self.permits.permit(self._authority.delegated(act, content), now_us)
         self._agent.done(act, now_us)
 
     def on_join(self, act: Act, content: JoinMission, now_us: int) -> None:
@@ -135,19 +136,26 @@ class Performing(Part):
             Refused: the sender may not command the vehicle, another mission has it, or its pilot does.
         """
         sender, conversation = act.sender.unit, self._tasks.check_free(act.conversation_id)
-        self.permits.check(content.mission, sender, now_us)
+        self.permits.show(act, content.mission, now_us)
+        self.permits.check(content.mission, sender, act.boot, now_us)
         self.permits.check_chain(content.chain, sender)
 
         def tell(waits: str, at_us: int) -> None:
             self._agent.tell(sender, VehicleNews(waits=waits), at_us, conversation=conversation)
 
-        self.join(content.mission, sender, tell, now_us, conversation)
+        self.join(content.mission, sender, tell, now_us, conversation, act.boot)
         task = Task(conversation, sender, JoinMission.head, self._left, since_us=now_us, is_part=True)
         self._tasks.add(task)
         self._agent.done(act, now_us)
 
     def join(
-        self, mission: str, leader: str, tell: Callable[[str, int], None], now_us: int, conversation: str = ""
+        self,
+        mission: str,
+        leader: str,
+        tell: Callable[[str, int], None],
+        now_us: int,
+        conversation: str = "",
+        boot: int = 0,
     ) -> None:
         """Give the vehicle to a mission; `tell` takes why it waits.
 
@@ -158,7 +166,7 @@ class Performing(Part):
             raise Refused(f"the vehicle takes part in mission {self._joined.mission}", "mission")
         self._pilot.begin_mission(mission)
         self._flight.supersede(now_us)
-        self._joined = _Joined(mission, leader, conversation, tell)
+        self._joined = _Joined(mission, leader, boot, conversation, tell)
         self._show(now_us)
 
     def leave(self, now_us: int, *, is_over: bool = True) -> None:
@@ -183,10 +191,28 @@ class Performing(Part):
         if joined is None or not joined.conversation or joined.conversation != act.conversation_id:
             return False
         self._note(f"mission {joined.mission}: its leader {joined.leader} is gone; the vehicle holds")
-        leaders = self.permits.leaders(joined.mission, now_us)
+        self._release(joined, now_us)
+        return True
+
+    def _release(self, joined: _Joined, now_us: int) -> None:
+        """The vehicle holds, and is free for the next leader."""
+        permit = self.permits.of(joined.mission, now_us)
         self._tasks.cancel(joined.conversation, now_us)
-        if leaders:
-            self.permits.permit(joined.mission, leaders, now_us)
+        if permit is not None:
+            self.permits.permit(permit, now_us)
+
+    def _check_led(self, joined: _Joined, now_us: int) -> bool:
+        """Whether its leader still may lead it: when one before that is back, the vehicle holds until that one asks for it."""
+        permit = self.permits.of(joined.mission, now_us)
+        if permit is None or not joined.conversation:
+            return True
+        try:
+            self._authority.check_leads(permit, joined.leader, joined.boot, now_us)
+        except Refused as refused:
+            self._note(f"mission {joined.mission}: {refused.reason}; the vehicle holds")
+            self._agent.end(joined.conversation, joined.leader, refused.reason, now_us)
+            self._release(joined, now_us)
+            return False
         return True
 
     # -- performed ---------------------------------------------------------------------------------------------
@@ -208,6 +234,8 @@ class Performing(Part):
             )
         ):
             raise Refused(f"the vehicle takes no part in mission {content.mission} of {act.sender.unit}", "mission")
+        if not self._check_led(joined, now_us):
+            raise Refused(f"{joined.leader} leads mission {joined.mission} no longer", "succession")
         commands = checked(content.commands)
 
         def answer(why: str, at_us: int) -> None:
@@ -262,6 +290,8 @@ class Performing(Part):
         if joined is None or now_us < self._due_us:
             return
         self._due_us = now_us + PERIOD_US
+        if not self._check_led(joined, now_us):
+            return
         self._look(joined, now_us)
         run = joined.run
         if run is None:

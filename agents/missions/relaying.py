@@ -9,12 +9,13 @@ from functools import partial
 from typing import Final
 
 from agents.actions import COORDINATION, Action, Offer, Role
-from agents.admission.mission_permits import Permits, leads_here
+from agents.admission.mission_permits import Permits
 from agents.effects import Effect, SearchOver
 from agents.interface import InterfaceAgent
 from agents.missions.mission_texts import MissionTexts
 from agents.missions.searches import MissionSearches
 from agents.part import Followed, Part
+from agents.tasks.authority import Authority
 from agents.tasks.life import TaskLife
 from agents.tasks.task import Task
 from dyknow.model.errors import Refused
@@ -40,12 +41,13 @@ class MissionRelay(Part):
         agent: InterfaceAgent,
         directory: DirectoryFacilitator,
         tasks: TaskLife,
+        authority: Authority,
         role_of: Callable[[str], Role],
         emit: Callable[[Effect], None],
         note: Callable[[str], None],
     ) -> None:
         self._unit, self._agent, self._directory, self._tasks, self._note = unit, agent, directory, tasks, note
-        self._permits = Permits(unit, role_of, lambda before: before != unit and leads_here(directory)(before))
+        self._permits = Permits(unit, role_of, authority)
         self._relayed: dict[str, tuple[Act, str]] = {}
         self._reading: dict[tuple[str, str], FlyMission] = {}
         self._searches = MissionSearches(emit)
@@ -57,7 +59,7 @@ class MissionRelay(Part):
             Refused: the sender may not, or texts of too many missions are read.
         """
         sender, conversation = act.sender.unit, self._tasks.check_free(act.conversation_id)
-        self._permits.check(content.mission, sender, now_us)
+        self._permits.check(content.mission, sender, act.boot, now_us)
         self._permits.check_chain(content.chain, sender)
         name = sender, conversation
         if name in self._reading or len(self._reading) >= MOST:

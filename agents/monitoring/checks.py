@@ -8,16 +8,18 @@ from dataclasses import dataclass, field
 from functools import partial
 
 from agents.actions import COORDINATION, Offer
+from agents.admission.admission import reason_of
 from agents.exchange.gateway import Gateway
 from agents.exchange.label_agreements import LabelAgreements
 from agents.interface import InterfaceAgent
+from agents.monitoring.formula_reading import FormulaReading
 from agents.monitoring.reasons import because
 from agents.part import Part
 from agents.tasks.life import TaskLife
 from agents.tasks.requests import CHECK_FORMULA, LATER, WHEN
 from agents.tasks.task import Task
 from dyknow import NO_VALUE, US_PER_S, Label, Policy
-from dyknow.model.errors import ContentError, Refused, TextError, UnknownLabel
+from dyknow.model.errors import ContentError, DyknowError, Refused, TextError, UnknownLabel
 from federation.members.clock import FederationClock
 from federation.members.deadlines import Deadlines
 from federation.messages.acts import Act, Performative
@@ -35,7 +37,7 @@ MOST_WAITING, MOST_OF_ONE = 16, 4
 """Requests that wait for a condition: of all members, and of one."""
 POLICY = Policy(change="sample", sample_us=PERIOD_US, max_delay_us=500_000)
 TIMEOUT_S = 10.0
-MOST = 16
+MOST, MOST_CHECKS_OF_ONE = 16, 8
 MOST_REASONS = 8
 """Characters of a formula in an answer, so that it fits into one act."""
 LONGEST_STATES = 4000
@@ -83,6 +85,7 @@ class Checks(Part):
         self._clock, self._agent, self._gateway = clock, agent, gateway
         self._tasks, self._instance = tasks, instance
         self._open: dict[str, Check] = {}
+        self._parsing: dict[str, Act] = {}
         self._deadlines: Deadlines[str] = Deadlines()
 
     def on_check(self, act: Act, content: CheckFormula, now_us: int) -> None:
@@ -93,10 +96,18 @@ class Checks(Part):
             UnknownLabel: nothing here gives what a derived feature is made from.
             Refused: too many formulas are under check; the requester may not see one of its streams.
         """
-        if sum(check.do is None for check in self._open.values()) >= MOST:
-            raise Refused(f"{MOST} formulas are under check here already; wait for one to end")
-        self._begin(act, self._read(content.text), None, now_us)
-        self._set_due(act, content.timeout_s or TIMEOUT_S, now_us)
+        sender = act.sender.unit
+        checking = [check.act.sender.unit for check in self._open.values() if check.do is None]
+        checking += [each.sender.unit for each in self._parsing.values()]
+        if len(checking) >= MOST or checking.count(sender) >= MOST_CHECKS_OF_ONE:
+            text = f"{len(checking)} formulas are under check here, {checking.count(sender)} of {sender}; wait for one to end"
+            raise Refused(text, "too-many-checks")
+
+        def begin(formula: Formula, at_us: int) -> None:
+            self._begin(act, formula, None, at_us)
+            self._set_due(act, content.timeout_s or TIMEOUT_S, at_us)
+
+        self._read(act, content.text, begin, now_us)
 
     def on_when(self, act: Act, content: When, now_us: int) -> None:
         """`(when do: (create-multicast ...) condition: "gas[self] > 40")`: agree, and do it once that is true.
@@ -117,24 +128,52 @@ class Checks(Part):
         read(content.do)
         sender = act.sender.unit
         waiting = [check.act.sender.unit for check in self._open.values() if check.do is not None]
+        waiting += [each.sender.unit for each in self._parsing.values()]
         if len(waiting) >= MOST_WAITING or waiting.count(sender) >= MOST_OF_ONE:
             text = f"{len(waiting)} requests wait for their conditions here, {waiting.count(sender)} of {sender}; cancel one"
             raise Refused(text, "too-many-waiting")
-        conversation = self._begin(act, Eventually(self._read(content.condition)), content, now_us)
+        self._read(act, content.condition, partial(self._wait, act, content), now_us)
+
+    def _wait(self, act: Act, content: When, condition: Formula, now_us: int) -> None:
+        conversation = self._begin(act, Eventually(condition), content, now_us)
         state = f"{content.do.head} when {content.condition}"[:LONGEST_STATE]
 
         def take_down(_at_us: int) -> tuple[str, ...]:
             self._drop(conversation)
             return ()
 
-        self._tasks.add(Task(conversation, sender, When.head, take_down, " ".join(state.split()), now_us))
+        self._tasks.add(Task(conversation, act.sender.unit, When.head, take_down, " ".join(state.split()), now_us))
         self._set_due(act, content.timeout_s, now_us)
 
-    def _read(self, text: str) -> Formula:
-        try:
-            return read_over(self._instance, text)
-        except TextError as wrong:
-            raise ContentError(str(wrong)) from None
+    def _read(self, act: Act, text: str, then: Callable[[Formula, int], None], now_us: int) -> None:
+        """Read a formula, a long one in a worker, and go on with it; raises what is wrong with it, or answers that later."""
+        conversation = act.conversation_id or ""
+
+        def go_on(reading: FormulaReading, at_us: int) -> None:
+            try:
+                formula = read_over(self._instance, text, reading.formula)
+            except TextError as wrong:
+                raise ContentError(str(wrong)) from None
+            then(formula, at_us)
+
+        def on_parsed(reading: FormulaReading, federation_us: int) -> None:
+            if self._parsing.pop(conversation, None) is not act:
+                return
+            at_us = self._clock.wall_us(federation_us)
+            try:
+                go_on(reading, at_us)
+            except ContentError as wrong:
+                self._agent.answer(act, Performative.NOT_UNDERSTOOD, reason_of(wrong), at_us)
+            except DyknowError as wrong:
+                self._agent.answer(act, Performative.REFUSE, reason_of(wrong), at_us)
+
+        if conversation in self._parsing:
+            raise Refused(f"conversation {conversation} is about another formula")
+        reading = FormulaReading(text, on_parsed)
+        if reading.begin(self._gateway.network.calls):
+            self._parsing[conversation] = act
+        else:
+            go_on(reading, now_us)
 
     def _begin(self, act: Act, formula: Formula, do: When | None, now_us: int) -> str:
         conversation = self._tasks.check_free(act.conversation_id)
@@ -183,6 +222,10 @@ class Checks(Part):
     def on_lost(self, act: Act, _now_us: int) -> bool:
         """The requester no longer wants the verdict."""
         conversation = act.conversation_id or ""
+        parsing = self._parsing.get(conversation)
+        if parsing is not None and parsing.sender.unit == act.sender.unit:
+            del self._parsing[conversation]
+            return True
         check = self._open.get(conversation)
         if check is None or check.act.sender.unit != act.sender.unit:
             return False

@@ -17,6 +17,7 @@ from agents.monitoring.monitor_plans import MonitorPlan, PlanBook, exports_of
 from agents.monitoring.monitors import UnitMonitors
 from agents.monitoring.reported_alarms import ReportedAlarms
 from agents.part import Part, PeerChange
+from agents.tasks.authority import Authority
 from agents.tasks.life import TaskLife
 from agents.tasks.requests import CREATE_MONITOR, MONITOR_PROXIMITY, REMOVE_MONITOR
 from agents.tasks.task import Claim, CoordinatedTask, Task
@@ -62,13 +63,14 @@ class Coordination(Part):
         directory: DirectoryFacilitator,
         monitors: UnitMonitors,
         tasks: TaskLife,
+        authority: Authority,
         plans: PlanBook,
         exporting: FederationAgent,
         keeper: SubscriptionKeeper,
     ) -> None:
         self._unit, self._boot, self._clock, self._agent, self._directory = unit, boot, clock, agent, directory
         self._monitors, self._life, self._plans, self._exporting = monitors, tasks, plans, exporting
-        self._keeper, self._reported = keeper, ReportedAlarms()
+        self._keeper, self._authority, self._reported = keeper, authority, ReportedAlarms()
 
     # -- a task is delegated to this platform -------------------------------------------------------------------
 
@@ -83,11 +85,10 @@ class Coordination(Part):
             leader = self._life.coordinated[conversation].leader
             raise Refused(f"conversation {conversation} is about a task that {leader} leads")
         plans = self._plans.for_task(content.profile, _us(content.sample_period_s), _us(content.delay_s))
+        evidence = self._authority.delegated(act, content)
         self._monitor(plans, conversation, now_us)
         self._agent.answer(act, Performative.AGREE, None, now_us)
-        avoidance = content.avoidance is not False
-        led = CoordinatedTask(conversation, act.sender.unit, plans, avoidance, self._unit, 1, self._boot, self._unit)
-        self._coordinate(led, now_us)
+        self._coordinate(CoordinatedTask(evidence, plans, self._unit, 1, self._boot), now_us)
 
     def _monitor(self, plans: Iterable[MonitorPlan], owner: str, now_us: int) -> None:
         """Set up these monitors here, all or, if one is refused, none."""
@@ -130,9 +131,6 @@ class Coordination(Part):
                 generation=led.generation,
                 sample_period_s=plan.period_us / US_PER_S,
                 delay_s=plan.max_delay_us / US_PER_S,
-                avoidance=led.avoidance,
-                delegator=led.delegator or None,
-                delegate=(led.delegate or None) if led.generation > 1 else None,
             )
             asked.append(self._ask(led, unit, part, f"monitor {plan.name}", now_us))
         for content in exports_of(led.plans, (unit,)):  # step 3 of figure 9.5: our own streams to the newcomer
@@ -164,7 +162,10 @@ class Coordination(Part):
                 led.again_us[unit] = at_us + RETRY_US
                 self._progress(led, f"{what}: {why}", unit, at_us)
 
-        asked.append(self._agent.delegate(unit, content, now_us, on_reply=on_reply, on_silence=on_silence))
+        shown = led.evidence.payload
+        asked.append(
+            self._agent.delegate(unit, content, now_us, on_reply=on_reply, on_silence=on_silence, evidence=shown)
+        )
         return asked[0]
 
     def _ask_again(self, led: CoordinatedTask, unit: str, now_us: int) -> None:
@@ -189,7 +190,7 @@ class Coordination(Part):
     def _declined(self, led: CoordinatedTask, unit: str, what: str, reason: contents.Reason, now_us: int) -> None:
         """The delegate alone may say that the task was cancelled; no participant deposes its coordinator."""
         self._progress(led, f"{what}: refused, {reason.text}", unit, now_us)
-        if reason.code == "led-by":
+        if reason.code in {"led-by", "succession"}:
             led.again_us[unit] = now_us + LED_BY_US
         elif reason.code == "cancelled" and unit == led.delegate:
             self._life.cancel(led.task, now_us)
@@ -197,9 +198,8 @@ class Coordination(Part):
     def _progress(self, led: CoordinatedTask, step: str, unit: str, now_us: int) -> None:
         is_ours = led.leader == self._unit and led.task in self._life.coordinated
         if is_ours and self._reachable(led.delegator):
-            self._agent.tell(
-                led.delegator, contents.Progress(step=step[:200], unit=unit), now_us, conversation=led.task
-            )
+            content = contents.Progress(step=step[:200], unit=unit)
+            self._agent.tell(led.delegator, content, now_us, conversation=led.task)
 
     def _reachable(self, unit: str) -> bool:
         return unit != self._unit and self._directory.is_present(unit)
@@ -226,7 +226,7 @@ class Coordination(Part):
         """`(create-monitor name: proximity)`: set up a monitor here, on its own or as part of a task.
 
         Raises:
-            Refused: unknown name, a task that was cancelled here, or one that another platform coordinates.
+            Refused: unknown name, no evidence for the task, one that was cancelled here, or that another platform coordinates.
         """
         if content.profile is not None or content.parameters is not None:
             raise Refused("a monitor is created by its name alone, without profile or parameters")
@@ -234,15 +234,7 @@ class Coordination(Part):
         conversation = self._life.check_free(act.conversation_id)
         asker, task = act.sender.unit, content.task
         owner = conversation if task is None else task
-        told = _told(act, content, task) if task is not None else None
-        if told is not None:
-            try:
-                self._life.check_claim(
-                    Claim(told.task, asker, act.boot, told.generation, told.delegator, told.delegate)
-                )
-            except Refused:
-                self._renew(told.task, now_us)
-                raise
+        told = None if task is None else self._told(act, content, task, now_us)
         self._monitor([plan], owner, now_us)
         if told is not None:
             self._life.follow(act, told, plan, now_us)
@@ -254,6 +246,23 @@ class Coordination(Part):
         self._life.add(Task(conversation, asker, name, take_down, since_us=now_us, is_part=is_part, monitor=plan.name))
         self._agent.done(act, now_us)
         self._keeper.wake(now_us)
+
+    def _told(self, act: Act, content: contents.CreateMonitor, task: str, now_us: int) -> CoordinatedTask:
+        """The task whose coordinator the sender is, by the evidence that it shows.
+
+        Raises:
+            Refused: it is not, or shows none.
+        """
+        asker, generation = act.sender.unit, content.generation or 1
+        if content.coordinator not in {None, asker}:
+            raise Refused(f"a task's monitors are set up by its coordinator: {content.coordinator}, not {asker}")
+        evidence = self._authority.proven(act, task, (contents.MonitorProximity,), now_us)
+        try:
+            self._life.check_claim(Claim(evidence, asker, act.boot, generation), now_us)
+        except Refused:
+            self._renew(task, now_us)
+            raise
+        return CoordinatedTask(evidence, (), asker, generation, act.boot)
 
     def on_remove_monitor(self, act: Act, content: contents.RemoveMonitor, now_us: int) -> None:
         """`(remove-monitor name: proximity)`: end what `create-monitor` set up; see `TaskLife.endable`.
@@ -270,7 +279,7 @@ class Coordination(Part):
         """`(hand-over ...)`: the coordinator of a task leaves it to another one.
 
         Raises:
-            Refused: the sender does not coordinate it.
+            Refused: the sender does not coordinate it, or it is not that one's turn.
         """
         led = self._life.coordinated.get(content.task)
         if led is not None and led.leader == self._unit == content.coordinator and act.sender.unit in led.members:
@@ -278,6 +287,7 @@ class Coordination(Part):
             return
         if led is None or led.leader != act.sender.unit:
             raise Refused(f"{act.sender.unit} does not lead task {content.task} here", "led-by")
+        self._authority.check_leads(led.evidence, content.coordinator, content.boot, now_us)
         self._life.lead_by(led, content.coordinator, content.boot, content.generation, now_us)
 
     def _leave(self, task: str, name: str, by: str, now_us: int) -> tuple[str, ...]:
@@ -304,7 +314,7 @@ class Coordination(Part):
                 for of_unit in (led.members, led.former, led.again_us):
                     of_unit.pop(change.unit, None)
                 if led.leader == change.unit:
-                    self._life.on_leader_gone(led, self._participants(), now_us)
+                    self._life.on_leader_gone(led, now_us)
 
     def _on_present(self, unit: str, now_us: int) -> None:
         for led in list(self._life.coordinated.values()):
@@ -320,17 +330,17 @@ class Coordination(Part):
             return
         for task, alarm in self._reported.unconfirmed(now_us):
             if task in self._life.coordinated:
-                unseen_by = tuple(unit for unit in alarm.units if unit != alarm.by)
-                self._pass_on(self._life.coordinated[task], alarm.model_copy(update={"unseen_by": unseen_by}), now_us)
+                self._pass_on(self._life.coordinated[task], alarm, now_us)
+        for out in self._reported.left_out(now_us):
+            if out.task in self._life.coordinated:
+                self._progress(self._life.coordinated[out.task], out.text, out.unit, now_us)
         for led in list(self._life.coordinated.values()):
             for unit in [unit for unit, due_us in led.again_us.items() if due_us <= now_us]:
                 del led.again_us[unit]
                 self._ask_again(led, unit, now_us)
-            if led.successor_at_us is not None and led.successor_at_us <= now_us:
-                led.successor_at_us = None
-                if not self._life.is_led(led):
-                    self._life.take_over(led)
-                    self._coordinate(led, now_us)
+            if led.successor_at_us is not None and led.successor_at_us <= now_us and self._life.succeeds(led, now_us):
+                self._life.take_over(led)
+                self._coordinate(led, now_us)
 
     @property
     def deadline_us(self) -> int | None:
@@ -374,8 +384,9 @@ class Coordination(Part):
             raise Refused(f"{sender} takes no part in task {led.task}", "not-a-participant")
         if not _watches(led, alarm.monitor):
             raise Refused(f"task {led.task} has no monitor {alarm.monitor}", "not-its-alarm")
-        self._reported.report(led.task, alarm, now_us)
-        self._pass_on(led, alarm, now_us)
+        if self._reported.admits(led.task, alarm, now_us):
+            self._reported.report(led.task, alarm, now_us)
+            self._pass_on(led, alarm, now_us)
 
     def on_progress(self, act: Act, content: contents.Progress, now_us: int) -> None:
         """`(progress ...)`: what a participant of a task we coordinate reports goes to its delegator."""
@@ -393,20 +404,6 @@ class Coordination(Part):
         receiver = led.delegator if led.leader == self._unit else led.leader
         if self._reachable(receiver):
             self._agent.tell(receiver, content, now_us, conversation=led.task)
-
-
-def _told(act: Act, content: contents.CreateMonitor, task: str) -> CoordinatedTask:
-    """What a coordinator says of its task.
-
-    Raises:
-        Refused: it is not the sender.
-    """
-    asker, generation = act.sender.unit, content.generation or 1
-    if content.coordinator not in {None, asker}:
-        raise Refused(f"a task's monitors are set up by its coordinator: {content.coordinator}, not {asker}")
-    delegate = content.delegate or (asker if generation == 1 else "")
-    avoidance = content.avoidance is not False
-    return CoordinatedTask(task, content.delegator or "", (), avoidance, asker, generation, act.boot, delegate)
 
 
 def _watches(led: CoordinatedTask, monitor: str) -> bool:

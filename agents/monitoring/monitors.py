@@ -11,15 +11,15 @@ from dataclasses import dataclass, field
 from functools import partial
 from typing import TypeAlias
 
+from agents.containment import Containment
 from agents.monitoring.monitor_plans import MonitorPlan, StateMaker
-from dyknow import Label, Network, Policy, Sample, SharedState, SharedSynchronizer, Strand, Subscription, earlier
+from agents.monitoring.taps import Feed, Tap
+from dyknow import Label, Network, Policy, Sample, SharedState, SharedSynchronizer, Strand, earlier
 from dyknow.model.errors import DyknowError, Refused, UnknownLabel
 from federation.sharing.translation import Convert
 from reasoning import AlarmEvent, Monitor
 
 MAX_INSTANCES = 4096
-MAX_PREDICTIONS = 1024
-"""Predicted samples of one stream whose making is remembered."""
 
 
 @dataclass(slots=True)
@@ -65,33 +65,6 @@ class NamedMonitor:
 
 Needs: TypeAlias = Mapping[str, AbstractSet[tuple[str, int, int]]]
 """Which (semantic label, period, max delay) of other units that the monitors need."""
-Feed = Callable[[Sample], None]
-
-
-class Tap:
-    """One subscription that feeds many synchronisers: every pair needs the platform's own position.
-
-    Attributes:
-        made_us: of the newest samples that were predicted, by valid time: when that was.
-    """
-
-    def __init__(self, to_semantic: Convert) -> None:
-        self.feeds: tuple[Feed, ...] = ()
-        self.subscription: Subscription | None = None
-        self.made_us: dict[int, int] = {}
-        self._to_semantic = to_semantic
-
-    def on_sample(self, sample: Sample) -> None:
-        prediction = sample.quality.prediction
-        if prediction is not None:
-            self.made_us[sample.valid_us] = prediction.made_us
-            if len(self.made_us) > MAX_PREDICTIONS:
-                del self.made_us[next(iter(self.made_us))]
-        value = self._to_semantic(sample.value)
-        if value is not sample.value:
-            sample = sample._replace(value=value)
-        for feed in self.feeds:
-            feed(sample)
 
 
 class UnitMonitors:
@@ -102,6 +75,7 @@ class UnitMonitors:
         network: the local instance.
         source: (semantic label, unit) -> its local label, declared if it was not, and how its values become semantic.
         on_alarm: called with every opening, closing and end.
+        contain: what becomes of a monitor that raises; None: it is raised.
 
     Attributes:
         on_members: called when a unit has joined or left.
@@ -114,8 +88,9 @@ class UnitMonitors:
         network: Network,
         source: Callable[[str, str], tuple[Label, Convert]],
         on_alarm: Callable[[AlarmEvent], None],
+        contain: Containment | None = None,
     ) -> None:
-        self.unit = unit
+        self.unit, self._contain = unit, contain
         self.named: dict[str, NamedMonitor] = {}
         self._network, self._source, self._on_alarm = network, source, on_alarm
         self._taps: dict[tuple[str, str, Policy], Tap] = {}
@@ -300,9 +275,12 @@ class UnitMonitors:
         """Whose inputs go stale or missing by now."""
         named.check_us = None
         for instance in list(named.instances.values()):
-            for event in instance.monitor.on_time(now_us):
-                self._on_alarm(event)
-            named.wake(instance.monitor)
+            try:
+                for event in instance.monitor.on_time(now_us):
+                    self._on_alarm(event)
+                named.wake(instance.monitor)
+            except Exception as error:  # noqa: BLE001  (contained)
+                self._raised(named, error)
 
     # -- inside ------------------------------------------------------------------------------------------------
 
@@ -398,11 +376,20 @@ class UnitMonitors:
             if instance is None:
                 continue  # what an alarm before it led to has ended it
             monitor, maker = instance.monitor, instance.maker
-            if not (maker.is_clear(state) and monitor.on_clear(valid_us, now_us)):
-                for event in monitor.on_state(valid_us, now_us, maker.values(state), lacks=maker.lacks(state)):
-                    self._on_alarm(_marked(event, (*named.taps, *instance.taps)))
-            if named.wake(monitor):
-                self._hasten()
+            try:
+                if not (maker.is_clear(state) and monitor.on_clear(valid_us, now_us)):
+                    for event in monitor.on_state(valid_us, now_us, maker.values(state), lacks=maker.lacks(state)):
+                        self._on_alarm(_marked(event, (*named.taps, *instance.taps)))
+                if named.wake(monitor):
+                    self._hasten()
+            except Exception as error:  # noqa: BLE001  (contained)
+                self._raised(named, error)
+
+    def _raised(self, named: NamedMonitor, error: Exception) -> None:
+        """One monitor raised over one state: the others look at theirs."""
+        if self._contain is None:
+            raise error
+        self._contain.caught(f"Monitor of {named.plan.name}", error)
 
 
 def _marked(event: AlarmEvent, taps: Iterable[tuple[Tap, Feed]]) -> AlarmEvent:

@@ -25,6 +25,8 @@ class UnitMonitoring(Part):
         offsets: say how far the clock of a unit can be relied on.
     """
 
+    vital = True
+
     def __init__(
         self,
         unit: str,

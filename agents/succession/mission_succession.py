@@ -130,11 +130,14 @@ class MissionSuccession(Part):
             kept.due_us = None
             led = self._leading.led.get(kept.content.mission)
             if kept.leads and led is not None:
-                self._kept = None
+                self._kept, led.is_passed_on = None, True
                 led.end(f"platform {kept.leader} is back, and leads it", now_us)
 
-    def _take_over(self, kept: _Kept) -> None:
+    def _take_over(self, kept: _Kept, now_us: int) -> None:
         content, why = kept.content, f"its leader, platform {kept.leader}, is gone"
+        if self._performing.permits.turn(content.mission, now_us):
+            kept.due_us = now_us + AFTER_US
+            return
         kept.due_us = None
         mission = self._performing.mission
         if mission:
@@ -194,7 +197,7 @@ class MissionSuccession(Part):
         """Inform the others of what has changed; take over from a leader that is gone."""
         kept = self._kept
         if kept is not None and kept.due_us is not None and now_us >= kept.due_us:
-            self._take_over(kept)
+            self._take_over(kept, now_us)
         if now_us < self._due_us:
             return
         self._due_us = now_us + PERIOD_US

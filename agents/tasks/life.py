@@ -15,9 +15,8 @@ platforms is a `CoordinatedTask` as well, on each participant, by the conversati
 
 While a subtask is abandoned its streams and monitors continue as they are: a cut costs no sample, and an alarm stays
 the same alarm. A task is coordinated by its delegate, the platform it was delegated to, in generation 1, and after it by
-successors in the next generations. A participant follows another coordinator only when its own is gone here, hands
-over, or gives way to the delegate; of two successors the one of the lower generation stays, then the unit that sorts
-first. Times are the node clock.
+successors in the next generations. Who may be one, and when, `authority` decides by the delegator's act and by who is here; a
+participant follows the first of those. Times are the node clock.
 """
 
 from collections.abc import Callable, Iterable
@@ -25,10 +24,11 @@ from collections.abc import Callable, Iterable
 from agents.actions import COORDINATION, QUERIED, Action, Offer, Role
 from agents.interface import InterfaceAgent
 from agents.part import Part, PeerChange
+from agents.tasks.authority import Authority
 from agents.tasks.task import Claim, CoordinatedTask, EndedTask, Task, TaskPlan
 from dyknow.model.errors import ContentError, Refused
 from federation.members.deadlines import Deadlines
-from federation.members.directory import DirectoryFacilitator, unit_order
+from federation.members.directory import DirectoryFacilitator
 from federation.members.liveness import PlatformAppeared
 from federation.messages.acts import Act, AgentName, Performative
 from federation.messages.contents import (
@@ -63,6 +63,7 @@ class TaskLife(Part):
     Args:
         exports: what this platform exports, for whom.
         role_of: what a unit may ask for.
+        authority: who may coordinate a task.
     """
 
     offers = (Offer(COORDINATION, (Action(Tasks, "on_tasks", QUERIED, Role.OBSERVER),)),)
@@ -76,9 +77,11 @@ class TaskLife(Part):
         directory: DirectoryFacilitator,
         exports: Exports,
         role_of: Callable[[str], Role],
+        authority: Authority,
     ) -> None:
         self._unit, self._boot, self._agent, self._directory = unit, boot, agent, directory
         self._is_present, self._is_shared, self._role_of = directory.is_present, exports.is_shared, role_of
+        self._authority = authority
         self.coordinated: dict[str, CoordinatedTask] = {}
         self._tasks: dict[str, Task] = {}
         self._ended: dict[str, str] = {}
@@ -126,39 +129,31 @@ class TaskLife(Part):
         self.coordinated[led.task] = led
         self.add(Task(led.task, led.delegator, "monitor-proximity", take_down, since_us=now_us))
 
-    def check_claim(self, claim: Claim) -> None:
+    def check_claim(self, claim: Claim, now_us: int) -> None:
         """Whether that platform may set up monitors of a task here, as its coordinator.
 
         Raises:
-            Refused: `cancelled`; `led-by` with the coordinator that stays; `delegator`, `delegate`: the name of the task
-                has another one.
+            Refused: `cancelled`; `led-by` with the coordinator that stays; `succession`: it is another's turn.
         """
-        task, unit, delegator = claim.task, claim.unit, claim.delegator
+        task, unit = claim.evidence.task, claim.unit
         of_others = self._ended_by_others.get(task)
         is_bound = of_others is None or unit != of_others.delegate
         if is_bound and self._ended.get(task, unit) != unit:
             raise Refused("cancelled: the task was cancelled here", "cancelled")
-        if delegator and not task.startswith(f"{delegator}-"):
-            raise Refused(f"task {task} was not asked for by {delegator}: its name says by whom", "delegator")
         led = self.coordinated.get(task)
-        if led is None:
-            if not task.endswith(f".{claim.delegate}") or (claim.generation == 1 and unit != claim.delegate):
-                raise Refused(f"{unit} is not the delegate of task {task}, which its name has", "delegate")
-            return
-        if not self._may_follow(led, claim):
-            text = f"led by {led.leader} in generation {led.generation}, which is here"
-            raise Refused(text, "led-by", leader=led.leader, generation=led.generation)
+        try:
+            self._check_turn(claim, 1 if led is None else led.generation, now_us)
+        except Refused as refused:
+            if led is None:
+                raise
+            text = f"led by {led.leader} in generation {led.generation}: {refused.reason}"
+            raise Refused(text, "led-by", leader=led.leader, generation=led.generation) from None
 
-    def _may_follow(self, led: CoordinatedTask, claim: Claim) -> bool:
-        """Decide by what is known here, not by the claim."""
-        if claim.generation == 1:
-            return claim.unit == led.delegate
-        if not 1 < claim.generation <= led.generation + SUCCESSORS:
-            return False
-        if led.leader == self._unit:
-            own = led.generation, unit_order(self._unit)
-            return led.generation > 1 and (claim.generation, unit_order(claim.unit)) < own
-        return (claim.unit, claim.boot) == (led.leader, led.leader_boot) or not self.is_led(led)
+    def _check_turn(self, claim: Claim, generation: int, now_us: int) -> None:
+        is_first = claim.unit == claim.evidence.delegate
+        if not (is_first if claim.generation == 1 else 1 < claim.generation <= generation + SUCCESSORS):
+            raise Refused(f"{claim.unit} does not coordinate it in generation {claim.generation}", "succession")
+        self._authority.check_leads(claim.evidence, claim.unit, claim.boot, now_us)
 
     def is_led(self, led: CoordinatedTask) -> bool:
         """Whether its coordinator is there, in the life in which it coordinates."""
@@ -167,14 +162,8 @@ class TaskLife(Part):
         return led.leader == self._unit or is_there
 
     def follow(self, act: Act, told: CoordinatedTask, plan: TaskPlan, now_us: int) -> None:
-        """Take part in a task: from now on the sender is its coordinator; `told` is the task in its words.
-
-        Its delegate describes the task: a successor changes neither `avoidance` nor the delegator, and the description
-        of one that came first is replaced.
-        """
+        """Take part in a task: from now on the sender is its coordinator; `told` is the task by the evidence that it shows."""
         led = self.coordinated.setdefault(told.task, told)
-        if told.generation == 1 and not led.is_stated:
-            led.is_stated, led.delegator, led.avoidance = True, told.delegator, told.avoidance
         self.lead_by(led, told.leader, told.leader_boot, told.generation, now_us)
         self._ended.pop(told.task, None)
         self._ended_by_others.pop(told.task, None)
@@ -224,10 +213,19 @@ class TaskLife(Part):
         led.plans = tuple(plan for plan in led.plans if plan.name != name)
         return None if led.plans else self.coordinated.pop(task)
 
-    def on_leader_gone(self, led: CoordinatedTask, participants: Iterable[str], now_us: int) -> None:
-        """The participant that sorts first takes over after a second, the next a second later, and so on."""
-        rank = sorted([self._unit, *participants], key=unit_order).index(self._unit)
-        led.successor_at_us = now_us + (1 + rank) * SUCCESSOR_STEP_US
+    def on_leader_gone(self, led: CoordinatedTask, now_us: int) -> None:
+        """The participant that is first in the order takes over after a second; the next a second after that is gone, and so on."""
+        led.successor_at_us = now_us + (1 + self._authority.turn(led.evidence)) * SUCCESSOR_STEP_US
+
+    def succeeds(self, led: CoordinatedTask, now_us: int) -> bool:
+        """Whether it is this platform's turn to take over; while one before it is here, it waits for that."""
+        led.successor_at_us = None
+        if self.is_led(led):
+            return False
+        if self._authority.turn(led.evidence):
+            led.successor_at_us = now_us + SUCCESSOR_STEP_US
+            return False
+        return True
 
     def take_over(self, led: CoordinatedTask) -> None:
         """The monitors stay as they are; the coordinator, and in which conversations they were asked for, change."""

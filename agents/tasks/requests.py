@@ -12,7 +12,7 @@ CREATE_MONITOR: Final = Action(
     "on_create_monitor",
     lasting=True,
     typed=True,
-    inner=("coordinator", "delegate", "delegator", "generation", "parameters", "profile", "task"),
+    inner=("coordinator", "generation", "parameters", "profile", "task"),
 )
 REMOVE_MONITOR: Final = Action(contents.RemoveMonitor, "on_remove_monitor", typed=True)
 CHECK_FORMULA: Final = Action(contents.CheckFormula, "on_check", CHECKED, typed=True)

@@ -4,8 +4,10 @@ from collections.abc import Callable, Iterable
 from dataclasses import dataclass, field
 from typing import NamedTuple, Protocol
 
+from agents.tasks.authority import TaskEvidence
 from dyknow import earlier
 from federation.messages.acts import Act
+from federation.messages.contents import MonitorProximity
 
 
 class TaskPlan(Protocol):
@@ -52,12 +54,10 @@ class CoordinatedTask:
     """A task over many platforms, as one participant knows it.
 
     Attributes:
-        task: the conversation in which the delegator asked for it: its name everywhere.
+        evidence: the act that delegated it. Its conversation is the name of the task everywhere.
         plans: what is monitored.
         leader: the coordinator; leader_boot: which life of it, since one that was restarted knows nothing of the task.
         generation: how often the coordination has passed to a successor, counted from 1.
-        delegate: the platform it was delegated to, which coordinates it while it is there.
-        is_stated: whether the delegate itself has described the task here.
         members: the requests to each platform, as (unit, conversations); kept by the coordinator.
         former: the same, of a coordinator that stepped down: it goes when the task ends.
         own: by name, the act with which the coordinator requested a monitor of this platform.
@@ -65,15 +65,11 @@ class CoordinatedTask:
         successor_at_us: when this platform takes over if no other does.
     """
 
-    task: str
-    delegator: str
+    evidence: TaskEvidence
     plans: tuple[TaskPlan, ...]
-    avoidance: bool
     leader: str
     generation: int
     leader_boot: int = 0
-    delegate: str = ""
-    is_stated: bool = False
     members: dict[str, list[str]] = field(default_factory=dict)
     former: dict[str, list[str]] = field(default_factory=dict)
     own: dict[str, Act] = field(default_factory=dict)
@@ -82,19 +78,36 @@ class CoordinatedTask:
     successor_at_us: int | None = None
 
     @property
+    def task(self) -> str:
+        return self.evidence.task
+
+    @property
+    def delegator(self) -> str:
+        return self.evidence.delegator
+
+    @property
+    def delegate(self) -> str:
+        """The platform it was delegated to, which coordinates it while it is there."""
+        return self.evidence.delegate
+
+    @property
+    def avoidance(self) -> bool:
+        """Whether platforms are to give way."""
+        content = self.evidence.content
+        return not isinstance(content, MonitorProximity) or content.avoidance is not False
+
+    @property
     def deadline_us(self) -> int | None:
         return earlier(self.successor_at_us, min(self.again_us.values(), default=None))
 
 
 class Claim(NamedTuple):
-    """What a platform that would coordinate a task says of itself and of the task."""
+    """A platform that would coordinate a task, in which life and generation, and by whose word."""
 
-    task: str
+    evidence: TaskEvidence
     unit: str
     boot: int
     generation: int
-    delegator: str
-    delegate: str
 
 
 class EndedTask(NamedTuple):

@@ -92,8 +92,21 @@ class Subscription:
 
     def on_time(self, now_us: int) -> None:
         """Hand on what the policy owes at `now_us`."""
+        generator = self._generator
         for sample in self.adapter.on_time(now_us):
-            self.consumer(sample)
+            try:
+                self.consumer(sample)
+            except Exception as error:
+                if generator is None:
+                    raise
+                self.fail(generator, error, now_us)
+
+    def fail(self, generator: "Generator", error: Exception, now_us: int) -> None:
+        """The consumer raised: where that is contained it is left out for a while, and others get their samples."""
+        consumer = self.consumer
+        out_us = generator.instant.raised(consumer, generator.label, error)
+        if self.consumer is consumer and self.active:
+            self.consumer = _Resting(self, consumer, now_us + out_us)
 
     @property
     def deadline_us(self) -> int | None:
@@ -138,11 +151,20 @@ class Generator:
         adapted_to = self._adapted  # who subscribes while consumers are called begins with the next sample
         try:
             for subscription in self._open:
-                subscription.consumer(sample)
+                try:
+                    subscription.consumer(sample)
+                except Exception as error:  # noqa: BLE001  (contained)
+                    subscription.fail(self, error, now_us)
             for adapter, subscriptions in adapted_to:
-                for adapted in adapter.on_sample(sample, now_us):
-                    for subscription in subscriptions:
-                        subscription.consumer(adapted)
+                try:
+                    for adapted in adapter.on_sample(sample, now_us):
+                        for subscription in subscriptions:
+                            try:
+                                subscription.consumer(adapted)
+                            except Exception as error:  # noqa: BLE001  (contained)
+                                subscription.fail(self, error, now_us)
+                except Exception as error:  # noqa: BLE001  (contained)
+                    instant.raised(adapter.on_sample, self.label, error)
         finally:
             if is_outermost:
                 instant.close()
@@ -258,3 +280,17 @@ def _available_us(sample: Sample) -> int:
 
 def _ignore(_sample: Sample) -> None:
     """The consumer of a cancelled subscription."""
+
+
+class _Resting:
+    """In place of a consumer that raised: takes nothing until it is tried again."""
+
+    __slots__ = ("_consumer", "_subscription", "_until_us")
+
+    def __init__(self, subscription: Subscription, consumer: Consumer, until_us: int) -> None:
+        self._subscription, self._consumer, self._until_us = subscription, consumer, until_us
+
+    def __call__(self, sample: Sample) -> None:
+        if sample.available_us >= self._until_us:
+            self._subscription.consumer = self._consumer
+            self._consumer(sample)

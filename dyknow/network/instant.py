@@ -5,11 +5,13 @@ source and over how many units: units upstream come first. What a worker makes o
 that have all they need the one of the highest priority is called first (5.3).
 """
 
-from collections.abc import Iterator
+from collections.abc import Callable, Iterator
 from contextlib import contextmanager
-from typing import Protocol
+from typing import Protocol, TypeAlias
 
 from dyknow.model.sample import Sample
+
+Contain: TypeAlias = Callable[[Callable[..., object], str, Exception], int]
 
 
 class Joining(Protocol):
@@ -38,14 +40,23 @@ class Instant:
         joins: how many units with several inputs, or of a priority, are at work; without one nothing waits.
         priorities: how many units of a priority are at work; without one a unit of one input does not wait.
         is_open: whether more may come.
+        contain: takes what raised, the label of its stream and what it raised; for how long it is left out, in us. None:
+            whatever a consumer or unit raises is raised by the push.
     """
 
-    __slots__ = ("_waiting", "is_open", "joins", "priorities")
+    __slots__ = ("_waiting", "contain", "is_open", "joins", "priorities")
 
     def __init__(self) -> None:
         self._waiting: dict[Joining, int] = {}
         self.joins = self.priorities = 0
         self.is_open = False
+        self.contain: Contain | None = None
+
+    def raised(self, do: Callable[..., object], label: object, error: Exception) -> int:
+        """Something raised; for how long it is to be left out, in us."""
+        if self.contain is None:
+            raise error
+        return self.contain(do, str(label), error)
 
     def put(self, unit: Joining) -> None:
         """Call the unit when all has come; at once outside an instant."""
@@ -61,7 +72,10 @@ class Instant:
             while waiting:
                 unit = self._first()
                 del waiting[unit]
-                unit.on_instant()
+                try:
+                    unit.on_instant()
+                except Exception as error:  # noqa: BLE001  (contained)
+                    self.raised(unit.on_instant, "its inputs", error)
         finally:
             self.is_open = False
 

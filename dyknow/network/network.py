@@ -11,14 +11,13 @@ from dyknow.network.computational_unit import UnitFunction, component
 from dyknow.network.generator import Consumer, Generator, Subscription
 from dyknow.network.history import History
 from dyknow.network.instant import Instant
-from dyknow.network.process import FAR_US, CallsApart, Input, Outcome, Process, TimedProcess
+from dyknow.network.process import CallsApart, Input, Outcome, Process, TimedProcess
 from dyknow.network.processes import OnDemand
 from dyknow.network.prototypes import UnitPrototype
 from dyknow.network.refinement import EagerUnit, RefinementProcess
 from dyknow.network.stream_proxy import OnLink, StreamProxy
+from dyknow.network.timed import TimedProcesses
 from dyknow.policies.policy import Policy
-
-MANY = 64
 
 
 class Network:
@@ -33,7 +32,7 @@ class Network:
     """
 
     __slots__ = (
-        "_attributes", "_enough", "_generators", "_history", "_implicit", "_meeting", "_processes", "_ranks", "_timed",
+        "_attributes", "_generators", "_history", "_implicit", "_meeting", "_processes", "_ranks", "_timed",
         "_unit_inputs", "_waiting", "calls", "instant", "now_us", "on_fault", "on_producer", "resolve",
     )  # fmt: skip
 
@@ -50,10 +49,9 @@ class Network:
         self.resolve: Callable[[Label], tuple[Sort, Process] | None] = lambda _label: None
         self._waiting: dict[Label, list[StreamProxy]] = {}
         self._meeting: dict[int, Callable[[Label], None]] = {}
-        self._timed: dict[TimedProcess, None] = {}
-        self._enough = MANY
         self.calls = CallsApart()
         self.instant = Instant()
+        self._timed = TimedProcesses(self.instant)
         self._ranks: dict[Label, int] = {}
 
     def add_source(self, label: Label | str, sort: Sort, history: int | None = None) -> Generator:
@@ -259,20 +257,12 @@ class Network:
         """Hand on what is owed at `now_us`. A source that is read gives one sample: call while something is due."""
         self.now_us = now_us
         with self.instant.whole():
-            for timed in tuple(self._timed):
-                due_us = timed.deadline_us
-                if due_us is None:
-                    self._timed.pop(timed, None)
-                elif due_us <= now_us:
-                    timed.on_time(now_us)
+            self._timed.on_time(now_us)
 
     @property
     def deadline_us(self) -> int | None:
         """Next instant at which `on_time` has work, or None."""
-        if not self._timed:
-            return None
-        due_us = min((due_us for s in self._timed if (due_us := s.deadline_us) is not None), default=None)
-        return None if due_us is None or due_us >= FAR_US else due_us
+        return self._timed.deadline_us
 
     def rank(self, label: Label) -> int:
         """How many units, at most, lie between a source and this stream."""
@@ -297,14 +287,11 @@ class Network:
 
     def step(self, timed: TimedProcess) -> None:
         """Call it at its deadlines, until it has none; `FAR_US` is: perhaps later."""
-        self._timed[timed] = None
-        if len(self._timed) > self._enough:
-            self._timed = {each: None for each in self._timed if each is timed or each.deadline_us is not None}
-            self._enough = max(MANY, 2 * len(self._timed))
+        self._timed.step(timed)
 
     def unstep(self, timed: TimedProcess) -> None:
         """Call it no more."""
-        self._timed.pop(timed, None)
+        self._timed.unstep(timed)
 
     def wait(self, proxy: StreamProxy) -> None:
         """Link it as soon as a generator carries its label."""

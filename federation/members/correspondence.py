@@ -14,7 +14,15 @@ from federation.messages.acts import Act, AgentName, Performative
 from federation.messages.codec import decode_act, encode_act
 from federation.messages.conversations import Conversations, Outcome
 from federation.messages.protocols import OPENING, PROTOCOLS, Incoming, PeerLost, Reply, TimedOut, Undelivered
-from federation.messages.receipts import RECEIPT_AGENT, decode_receipt
+from federation.messages.receipts import (
+    RECEIPT_AGENT,
+    Receipt,
+    decode_receipt,
+    decode_signed,
+    encode_receipt,
+    encode_signed,
+    signed_bytes,
+)
 from federation.security.trust import Trust
 from federation.transport import Arrived, Put
 
@@ -77,7 +85,7 @@ class Correspondence:
         trust: Trust | None = None,
     ) -> None:
         self.unit = unit
-        self.conversations = Conversations(unit, boot, self._encoded)
+        self.conversations = Conversations(unit, boot, self._encoded, self._receipt_bytes)
         self._agents, self._audit, self._emit = agents, audit, emit
         self._offset_us_of, self._trust = offset_us_of, trust
         self._now_us = 0
@@ -91,6 +99,11 @@ class Correspondence:
         self._audit(self._now_us, "out", act.receiver.unit, act, "sent")
         return payload
 
+    def _receipt_bytes(self, receiver: str, receipt: Receipt) -> bytes:
+        if self._trust is None:
+            return encode_receipt(receipt)
+        return encode_signed(receiver, receipt, self._trust.signer)
+
     def ask(
         self,
         unit: str,
@@ -103,6 +116,7 @@ class Correspondence:
         within_us: int = REPLY_WITHIN_US,
         standing: bool = False,
         conversation: str = "",
+        evidence: bytes = b"",
     ) -> str:
         """Open a conversation with the Interface Agent of `unit`; returns its id.
 
@@ -116,6 +130,7 @@ class Correspondence:
             within_us: when the first answer is due.
             standing: whether the conversation lives beyond its first result, until it is cancelled.
             conversation: its id, if one was taken already.
+            evidence: of the task that this is for: the act that delegated it, as it arrived.
 
         Raises:
             Refused: too many conversations with `unit` are open.
@@ -123,7 +138,8 @@ class Correspondence:
         """
         self._now_us = now_us
         conversation = conversation or self.conversations.new_conversation(unit)
-        act, is_paged = self._act(performative, unit, content, conversation, now_us + within_us), _is_paged(content)
+        act = self._act(performative, unit, content, conversation, now_us + within_us)._replace(evidence=evidence)
+        is_paged = _is_paged(content)
         self._pending[conversation] = _Pending(unit, on_reply, on_silence, is_paged)
         try:
             _, outcomes = self.conversations.send(act, now_us, standing=standing or is_paged)
@@ -133,10 +149,19 @@ class Correspondence:
         self._handle(outcomes, now_us)
         return conversation
 
-    def tell(self, unit: str, content: contents.Content, now_us: int, *, conversation: str | None = None) -> None:
-        """Inform the Interface Agent of `unit`; no answer is expected."""
+    def tell(
+        self,
+        unit: str,
+        content: contents.Content,
+        now_us: int,
+        *,
+        conversation: str | None = None,
+        evidence: bytes = b"",
+    ) -> None:
+        """Inform the Interface Agent of `unit`; no answer is expected. `evidence`: as in `ask`."""
         self._now_us = now_us
-        self._handle(self.conversations.send(self._act(P.INFORM, unit, content, conversation), now_us)[1], now_us)
+        act = self._act(P.INFORM, unit, content, conversation)._replace(evidence=evidence)
+        self._handle(self.conversations.send(act, now_us)[1], now_us)
 
     def answer(
         self,
@@ -166,6 +191,11 @@ class Correspondence:
         """End our request to `unit`, if it still stands."""
         self._now_us = now_us
         self._handle(self.conversations.cancel(conversation, unit, now_us), now_us)
+
+    def give_up(self, unit: str, conversation: str, now_us: int) -> None:
+        """End our request to `unit`; no further answer is taken."""
+        self._pending.pop(conversation, None)
+        self.cancel(unit, conversation, now_us)
 
     def cancel_task(
         self,
@@ -211,7 +241,7 @@ class Correspondence:
         self._now_us = now_us
         try:
             if key.agent == RECEIPT_AGENT:
-                self.conversations.on_receipt(key.sender, decode_receipt(event.payload), now_us)
+                self.conversations.on_receipt(key.sender, self._receipt(key.sender, event.payload), now_us)
                 return False
             act, signature, body = decode_act(event.payload)
         except DecodeError as error:
@@ -228,8 +258,32 @@ class Correspondence:
                 if reason == "replayed":  # it is genuine, and its receipt may have been lost
                     self.conversations.delivery.on_act(act, now_us)
                 return True
-        self.on_act(act, now_us)
+        self.on_act(act._replace(original=event.payload) if act.performative in OPENING else act, now_us)
         return True
+
+    def _receipt(self, sender: str, payload: bytes) -> Receipt:
+        """What a unit has received; raises DecodeError if it did not sign it, where there is a roster."""
+        if self._trust is None:
+            return decode_receipt(payload)
+        receipt, signature, body = decode_signed(payload)
+        if not self._trust.verifier.is_genuine(sender, signature, signed_bytes(self.unit, body)):
+            raise DecodeError("forged")
+        return receipt
+
+    def evidence(self, payload: bytes) -> Act:
+        """The act that another one carries, of the member that it names; when it was made is not asked.
+
+        Raises:
+            Refused: `unproven`: it is no act, or not that of its sender.
+        """
+        try:
+            act, signature, body = decode_act(payload)
+        except DecodeError as error:
+            raise Refused(f"the evidence is no act: {error.reason}", "unproven") from None
+        doubt = None if self._trust is None else self._trust.verifier.doubt(act, signature, body)
+        if doubt is not None:
+            raise Refused(f"the evidence is not of {act.sender.unit}: {doubt}", "unproven")
+        return act
 
     def on_act(self, act: Act, now_us: int) -> None:
         """An act whose sender is verified."""

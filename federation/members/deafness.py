@@ -4,32 +4,44 @@ A one-way silent link can last for days without Zenoh noticing. Every heartbeat 
 these lists each node sees where a pair should hear each other and does not. One side of a pair acts first, so that
 the two do not reopen in step:
 
-* others hear a peer and we have not for 4 s. If that is so of most peers, our session is the broken one: now. Else
-  the greater unit of the pair goes first, after 5 s, and the lesser after 6 s if that did not help;
-* a peer does not hear us for 4 s although we hear it. Where a third platform can tell it so, it will act itself and
-  we only after 7 s;
+* most of those we hear, hear a peer that we have not heard for 4 s. If that is so of most peers, our session is the
+  broken one: now. Else the greater unit of the pair goes first, after 5 s, and the lesser after 6 s if that did not help;
+* most of those we hear do not hear us, for 4 s; if others do, after 7 s;
 * a peer is heard again, but its withdrawn token is not announced again for 2 s: we gave up the link to it and have a
   new one, which it has added to the old, as Zenoh does when both sides dial and only one lease was over. So it
-  declares nothing again, and on that link questions, acts and samples go astray for good;
+  declares nothing again, and on that link questions, acts and samples go astray for good. A peer whose token is missing
+  is not listed as heard: where it is missing at most others as well, the peer acts, and we do not;
 * this process was suspended for the length of a lease, so that the others have closed their links to it, and 3 s
   after it resumes most links are not back: the peer does not hear us, we do not hear it, or its token is missing;
 * we no longer hear any peer: after 4 s if there are tokens of peers, else after 6 s.
+
+One peer's word against that of the others moves nobody: it is shown (`contradicted`). That its token is missing is a
+reason of one peer alone: each platform waits as long as its name says, so that not all act at once, and not again over
+that peer for ten minutes.
 
 Reopening that does not help is repeated with growing intervals: it disturbs peers that hear each other. While this
 process is late itself, on a busy machine, it reopens nothing: a new session would add load, and messages that seem
 missing may be waiting in its own queue.
 """
 
+from collections import Counter
 from collections.abc import Collection, Mapping, Sequence
+from typing import NamedTuple, TypeVar
 from zlib import crc32
 
-from federation.members.liveness import SUSPECT_US, Peer
+from federation.members.liveness import PLATFORMS, SUSPECT_US, Peer
+
+Noted = TypeVar("Noted", str, tuple[str, str])
 
 MOST_US = 4_000_000
 FIRST_US = 5_000_000
 SECOND_US = 6_000_000
 BACKUP_US = 7_000_000
-ASTRAY_US = 2_000_000
+ASTRAY_US, ASTRAY_SPREAD_US = 2_000_000, 4_000_000
+ASTRAY_AGAIN_US = 600_000_000
+SHOWN_US = 10_000_000
+"""What one peer says against the others is shown when it has said so for so long."""
+CONTRADICTED = 8
 STOOD_US = 1_300_000
 """So much later than planned is a look after a halt of a lease, 2 s, less the pause between two heartbeats."""
 LATE_US = 300_000
@@ -46,8 +58,20 @@ BETWEEN_MOST_US = 60_000_000
 PATIENT = 3
 
 
+class Contradicted(NamedTuple):
+    """What `unit` alone says of who hears whom, against the others, and since when."""
+
+    unit: str
+    text: str
+    since_us: int
+
+
 class DeafnessWatchdog:
-    """Steps over the peers twice a second; `on_time` returns why to reopen, or nothing."""
+    """Steps over the peers twice a second; `on_time` returns why to reopen, or nothing.
+
+    Attributes:
+        contradicted: what single peers say against the others, for 10 s or more.
+    """
 
     def __init__(self, unit: str, now_us: int) -> None:
         self.unit = unit
@@ -57,10 +81,14 @@ class DeafnessWatchdog:
         self._mentioned_us: dict[str, int] = {}
         self._unlisted_us: dict[str, int] = {}
         self._settled: dict[str, Sequence[str]] = {}
+        self._astray_us: dict[str, int] = {}
+        self._alone_us: dict[tuple[str, str], int] = {}
+        self.contradicted: tuple[Contradicted, ...] = ()
         self._opened_us = now_us
         self._reopened = 0
         self._trouble_us = now_us
         self._spread_us = crc32(unit.encode()) % 1_000_000
+        self._astray_after_us = ASTRAY_US + crc32(unit.encode()) % ASTRAY_SPREAD_US
 
     @property
     def deadline_us(self) -> int:
@@ -124,7 +152,10 @@ class DeafnessWatchdog:
             return self._alone(peers.values(), now_us)
         if self._is_settled(peers, heard):
             return None
-        deaf_us = self._deaf_us(peers, heard, now_us)
+        witnesses = Counter[str]()
+        for unit in heard:
+            witnesses.update(set(peers[unit].hears))
+        deaf_us = self._deaf_us(peers, witnesses, heard, now_us)
         hearing_us = {unit for unit in heard if self.unit in peers[unit].hears}
         unlisted_us = self._note(self._unlisted_us, heard - hearing_us, now_us)
         for unit, silent_us in sorted(deaf_us.items()):
@@ -132,17 +163,53 @@ class DeafnessWatchdog:
                 return f"others hear {unit} and {len(deaf_us) - 1} more, this session does not"
             if silent_us >= (FIRST_US if self.unit > unit else SECOND_US):
                 return f"others hear {unit}, this session does not"
-        for unit in sorted(heard):
-            if _untold_for_us(peers[unit], now_us) >= ASTRAY_US:
-                return f"{unit} is heard, but knows this session as another"
-        for unit, silent_us in sorted(unlisted_us.items()):
-            if silent_us >= MOST_US:
-                told = not hearing_us.isdisjoint(peers[unit].hears)
-                if silent_us >= BACKUP_US or not told:
-                    return f"{unit} does not hear this session"
-        if not unlisted_us and self._mentioned_us.keys() <= heard:
+        if astray := self._astray(peers, heard, now_us):
+            return f"{astray} is heard, but knows this session as another"
+        longest_us = BACKUP_US if hearing_us else MOST_US
+        unheard = sorted(unit for unit, silent_us in unlisted_us.items() if silent_us >= longest_us)
+        if 2 * len(unheard) > len(heard):
+            more = f" and {len(unheard) - 1} more do" if unheard[1:] else " does"
+            return f"{unheard[0]}{more} not hear this session"
+        self._contradict(peers, witnesses, heard, hearing_us, now_us)
+        if not unlisted_us and not self._alone_us and self._mentioned_us.keys() <= heard:
             self._settled = {unit: peers[unit].hears for unit in heard}
         return None
+
+    def _astray(self, peers: Mapping[str, Peer], heard: set[str], now_us: int) -> str | None:
+        """A peer that is heard while its token has not come back, and over which no session was opened lately."""
+        for unit in sorted(heard):
+            since_us = _untold_for_us(peers[unit], now_us)
+            others = heard - {unit}
+            has_it = sum(unit in peers[other].hears for other in others)
+            if (
+                since_us >= self._astray_after_us
+                and (2 * has_it > len(others) or not others)
+                and now_us >= self._astray_us.get(unit, -ASTRAY_AGAIN_US) + ASTRAY_AGAIN_US
+            ):
+                self._astray_us.pop(unit, None)
+                self._astray_us[unit] = now_us
+                if len(self._astray_us) > PLATFORMS:
+                    del self._astray_us[next(iter(self._astray_us))]
+                return unit
+        return None
+
+    def _contradict(
+        self, peers: Mapping[str, Peer], witnesses: Counter[str], heard: set[str], hearing_us: set[str], now_us: int
+    ) -> None:
+        """Note who alone among three or more says that it does not hear us, or that it hears a platform."""
+        alone: dict[tuple[str, str], str] = {}
+        if len(deaf := heard - hearing_us) == 1 and len(heard) > 1:
+            (unit,) = deaf
+            alone[unit, "deaf"] = f"{unit} says that it does not hear this platform, which others hear"
+        if len(heard) > 1:
+            once = {unit for unit, times in witnesses.items() if times == 1} - heard - {self.unit}
+            for unit in sorted(heard) if once else ():
+                if claimed := sorted(once.intersection(peers[unit].hears)):
+                    more = f" and {len(claimed) - 1} more" if claimed[1:] else ""
+                    alone[unit, "hears"] = f"{unit} alone says that it hears {claimed[0]}{more}"
+        for_us = self._note(self._alone_us, set(alone), now_us)
+        shown = [name for name in sorted(alone) if for_us[name] >= SHOWN_US][:CONTRADICTED]
+        self.contradicted = tuple(Contradicted(name[0], alone[name], now_us - for_us[name]) for name in shown)
 
     def _is_settled(self, peers: Mapping[str, Peer], heard: set[str]) -> bool:
         """Whether all list, word for word, the peers of the last time when all heard all, and have their tokens."""
@@ -155,10 +222,16 @@ class DeafnessWatchdog:
         self._mentioned_us.clear()
         self._unlisted_us.clear()
         self._settled.clear()
+        self._alone_us.clear()
+        self.contradicted = ()
 
-    def _deaf_us(self, peers: Mapping[str, Peer], heard: set[str], now_us: int) -> dict[str, int]:
-        """For each unit that others hear and we do not: for how long."""
-        mentioned = set[str]().union(*(peers[third].hears for third in heard))
+    def _deaf_us(
+        self, peers: Mapping[str, Peer], witnesses: Counter[str], heard: set[str], now_us: int
+    ) -> dict[str, int]:
+        """For each unit that most of those we hear, hear, and we do not: for how long. A name that one says is no unit."""
+        mentioned = {
+            unit for unit, times in witnesses.items() if 2 * times > len(heard) and (times > 1 or unit in peers)
+        }
         mentioned.discard(self.unit)
         for_us = self._note(self._mentioned_us, mentioned, now_us)
         found: dict[str, int] = {}
@@ -170,7 +243,7 @@ class DeafnessWatchdog:
             found[unit] = min(for_us[unit], silent_us, now_us - self._opened_us)
         return found
 
-    def _note(self, since_us: dict[str, int], current: set[str], now_us: int) -> dict[str, int]:
+    def _note(self, since_us: dict[Noted, int], current: set[Noted], now_us: int) -> dict[Noted, int]:
         """Keep since when each of `current` has been among them; returns for how long."""
         for unit in since_us.keys() - current:
             del since_us[unit]

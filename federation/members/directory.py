@@ -6,14 +6,14 @@ Private services leave their platform neither as tokens nor in the description.
 """
 
 from collections import Counter
-from collections.abc import Iterable, Iterator, Mapping, Sequence
+from collections.abc import Callable, Iterable, Iterator, Mapping, Sequence
 from itertools import count
 from typing import Literal, NamedTuple, TypeAlias
 
 from dyknow.model.semantic_labels import SemanticLabel
 from federation import keys, transport
 from federation.members.clock import FederationClock
-from federation.members.deafness import DeafnessWatchdog
+from federation.members.deafness import Contradicted, DeafnessWatchdog
 from federation.members.liveness import Liveness, LivenessEvent, Peer, PeerState, PlatformAppeared, PlatformGone
 from federation.members.offers import NO_OFFERS, OfferEvent, Offers, Service, changes
 from federation.members.replicas import PlatformRefused, Replica, Replicas
@@ -68,7 +68,7 @@ class DirectoryFacilitator:
     """Own entry, replicas of the others, liveness, heartbeat and deafness watchdog of one platform.
 
     Every step returns effects and events. `tails` are those of the platform's exports, for the heartbeat. `goes_on` is
-    `on_heartbeat` for those that tell nothing new, nearly all: whether this is one.
+    `on_heartbeat` for those that tell nothing new, nearly all: whether this is one. `member_of` is that of `Liveness`.
 
     Attributes:
         is_busy: this machine has too much to do; what seems lost may only be late, and no session is opened again.
@@ -85,11 +85,12 @@ class DirectoryFacilitator:
         questions: Iterator[int] | None = None,
         clock: FederationClock | None = None,
         roster: str | None = None,
+        member_of: Callable[[str], str | None] = str,
     ) -> None:
         self.unit, self.boot, self.kind, self.zid = keys.unit(unit), boot, kind, zid or f"{boot:x}"
         self.version = 1
         self._clock, self._roster = clock or FederationClock(), roster
-        self._liveness = Liveness(unit, boot)
+        self._liveness = Liveness(unit, boot, member_of)
         self._peers = self._liveness.peers
         self.goes_on = self._liveness.goes_on
         self._replicas = Replicas(self._peers, questions or count(1), self._clock, roster)
@@ -108,6 +109,11 @@ class DirectoryFacilitator:
     def refused(self) -> Counter[str]:
         """Descriptions that were not taken over, by reason."""
         return self._replicas.refused
+
+    @property
+    def contradicted(self) -> tuple[Contradicted, ...]:
+        """What single platforms say of who hears whom, against the others."""
+        return self._watchdog.contradicted
 
     # Own entry
 

@@ -10,7 +10,7 @@ as a new life (its clock was set back) only when the one that is known is silent
 """
 
 from collections import deque
-from collections.abc import Sequence
+from collections.abc import Callable, Sequence
 from enum import Enum, StrEnum
 from typing import NamedTuple, TypeAlias
 
@@ -26,6 +26,8 @@ BACKLOG_US = 500_000
 LINKS_END_US, LINKING_US = 1_300_000, 4_000_000
 """After a halt so long others have ended their links to us; within so long they are made again, if the peer is there."""
 PLATFORMS = 1024
+NAMES = 64
+"""Names of one member of a roster: its own, and those of its commands, `cc-1`."""
 REMEMBERED_US = 600_000_000
 TWINS = 8
 
@@ -140,10 +142,14 @@ class Peer:
 
 
 class Liveness:
-    """The lives of all other platforms. Times are the node clock, as stamped where things arrived."""
+    """The lives of all other platforms. Times are the node clock, as stamped where things arrived.
 
-    def __init__(self, unit: str, boot: int) -> None:
-        self.unit, self.boot = unit, boot
+    `member_of` says which member of the roster a unit speaks for; None: it is none, and nothing is kept of it. Without a
+    roster every name counts by itself.
+    """
+
+    def __init__(self, unit: str, boot: int, member_of: Callable[[str], str | None] = str) -> None:
+        self.unit, self.boot, self._member_of = unit, boot, member_of
         self.peers: dict[str, Peer] = {}
         self.refused = 0
         self._check_us: int | None = None
@@ -155,9 +161,13 @@ class Liveness:
         return self._check_us
 
     def heard(self, now_us: int) -> list[str]:
-        """The units that this platform hears directly, for its own heartbeat."""
+        """The units that this platform hears directly, and whose token it has if they had one, for its own heartbeat."""
         since_us = now_us - SUSPECT_US
-        return [peer.unit for peer in self.peers.values() if peer.heard_us > since_us and peer.state is not _GONE]
+        return [
+            peer.unit
+            for peer in self.peers.values()
+            if peer.heard_us > since_us and peer.state is not _GONE and peer.untold_us is None
+        ]
 
     def on_heartbeat(
         self, unit: str, boot: int, seq: int, version: int, hears: Sequence[str], at_us: int
@@ -289,11 +299,27 @@ class Liveness:
         return events
 
     def _meet(self, unit: str, now_us: int) -> Peer | None:
-        if len(self.peers) >= PLATFORMS and not self._make_room(now_us):
+        member = self._member_of(unit)
+        if member is None or not self._has_name(unit, member) or not self._has_room(now_us):
             self.refused += 1
             return None
         peer = self.peers[unit] = Peer(unit, now_us)
         return peer
+
+    def _has_name(self, unit: str, member: str) -> bool:
+        """Whether a member may have one name more: of those that are not there the one seen first gives way."""
+        if unit == member:
+            return True
+        names = [peer for peer in self.peers.values() if peer.unit != member and self._member_of(peer.unit) == member]
+        if len(names) < NAMES:
+            return True
+        absent = [peer for peer in names if not peer.present]
+        if absent:
+            del self.peers[min(absent, key=lambda peer: peer.since_us).unit]
+        return bool(absent)
+
+    def _has_room(self, now_us: int) -> bool:
+        return len(self.peers) < PLATFORMS or self._make_room(now_us)
 
     def _make_room(self, now_us: int) -> bool:
         absent = [peer for peer in self.peers.values() if not peer.present]

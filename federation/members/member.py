@@ -7,7 +7,6 @@ it learns it passes on to its `MemberAgents` by plain calls, in the order in whi
 
 from collections import Counter
 from collections.abc import Callable, Iterable, Sequence
-from functools import lru_cache
 from itertools import count
 from typing import Protocol
 
@@ -22,6 +21,7 @@ from federation.members.liveness import PlatformAppeared, PlatformGone, Platform
 from federation.members.offsets import ClockOffsets
 from federation.messages.acts import Performative
 from federation.messages.codec import Heartbeat, decode_description, decode_heartbeat
+from federation.messages.newest import Newest
 from federation.security.trust import Trust
 
 P = Performative
@@ -96,7 +96,15 @@ class Member:
             questions=self._questions,
             clock=self.clock,
             roster=roster,
+            member_of=self._member_of,
         )
+
+    def _member_of(self, unit: str) -> str | None:
+        """The member of the roster that a unit is, or whose command; without a roster it is itself."""
+        if self.trust is None:
+            return unit
+        found = self.trust.roster.member(unit)
+        return None if found is None else found.unit
 
     # -- coming and going --------------------------------------------------------------------------------------
 
@@ -161,9 +169,23 @@ class Member:
 
     def on_time(self, now_us: int) -> None:
         """Send heartbeats, acts that were not acknowledged and questions, as they are due."""
-        for ask in (*self.imports.on_time(now_us), *self.offsets.on_time(now_us)):
+        for step in self.steps:
+            step(now_us)
+
+    @property
+    def steps(self) -> tuple[Callable[[int], None], ...]:
+        """What `on_time` does, one after the other; none needs another."""
+        return self._recover, self._compare_clocks, self.acts.on_time, self._beat
+
+    def _recover(self, now_us: int) -> None:
+        for ask in self.imports.on_time(now_us):
             self._emit(ask)
-        self.acts.on_time(now_us)
+
+    def _compare_clocks(self, now_us: int) -> None:
+        for ask in self.offsets.on_time(now_us):
+            self._emit(ask)
+
+    def _beat(self, now_us: int) -> None:
         tails = self.tails() if self.directory.beats_at(now_us) else ()
         self.take(self.directory.on_time(now_us, tails), now_us)
 
@@ -298,7 +320,9 @@ class Member:
         return True
 
 
-@lru_cache(maxsize=256)
+_beats = Newest(decode_heartbeat, len)
+
+
 def heartbeat_of(key: str, payload: bytes) -> Heartbeat | None:
     """The heartbeat that was put on `key`, of the unit that the key names; None if it is no heartbeat's key.
 
@@ -310,7 +334,7 @@ def heartbeat_of(key: str, payload: bytes) -> Heartbeat | None:
     name = keys.parse_key(key)
     if type(name) is not keys.HeartbeatKey:
         return None
-    beat = decode_heartbeat(payload)
+    beat = _beats(name.unit, payload)
     if beat.unit != name.unit:
         raise DecodeError("key")
     return beat

@@ -2,7 +2,6 @@
 
 from collections import Counter
 from collections.abc import Iterator, Mapping
-from functools import lru_cache
 from typing import NamedTuple
 
 from dyknow.model.errors import DecodeError
@@ -12,7 +11,8 @@ from federation.members.deadlines import Deadlines
 from federation.members.liveness import Peer, PeerState
 from federation.members.offers import NO_OFFERS, Offers, Service, Visibility
 from federation.messages.codec import decode_description
-from federation.messages.descriptions import DefinitionEntry, Description, LabelEntry, ServiceEntry
+from federation.messages.descriptions import Description
+from federation.messages.newest import Newest
 from federation.transport import Answered, Ask, AskEnded
 
 CONFIRM_US = 10_000_000
@@ -21,6 +21,8 @@ UNASKED_US = 300_000
 RETRY_US = 50_000
 RETRY_MOST_US = 2_000_000
 ASK_TIMEOUT_US = 1_000_000
+MOST_BYTES = 4 << 20
+"""Of all descriptions that one directory holds, as they are sent: a hundred platforms have a quarter of it."""
 
 
 class PlatformRefused(NamedTuple):
@@ -38,11 +40,11 @@ class PlatformRefused(NamedTuple):
 class Replica:
     """What one incarnation of a platform says of itself; version 0 before the first answer."""
 
-    __slots__ = ("asked", "backoff_us", "boot", "due_us", "found", "offers", "refusal", "unit", "version")
+    __slots__ = ("asked", "backoff_us", "boot", "due_us", "found", "offers", "refusal", "size", "unit", "version")
 
     def __init__(self, unit: str, boot: int, now_us: int) -> None:
         self.unit, self.boot = unit, boot
-        self.version = 0
+        self.version = self.size = 0
         self.found: Description | None = None
         self.offers = NO_OFFERS
         self.refusal: tuple[str, str] | None = None
@@ -67,6 +69,7 @@ class Replicas:
         self._replicas: dict[str, Replica] = {}
         self._asking: dict[int, str] = {}
         self._due: Deadlines[str] = Deadlines()
+        self.bytes = 0
 
     @property
     def deadline_us(self) -> int | None:
@@ -82,6 +85,7 @@ class Replicas:
             return NO_OFFERS
         self._due.set(unit, None)
         self._describe(unit, 0)
+        self.bytes -= replica.size
         if replica.asked is not None:
             self._asking.pop(replica.asked, None)
         return replica.offers
@@ -113,7 +117,7 @@ class Replicas:
 
     def _read(self, replica: Replica, payload: bytes, at_us: int) -> tuple[Replica, Description] | None:
         try:
-            found = decode_description(payload)
+            found = _described(replica.unit, payload)
         except DecodeError as error:
             self.refused[error.reason] += 1
             return None
@@ -123,14 +127,17 @@ class Replicas:
         if found is replica.found:
             self._confirmed(replica, at_us)
             return None
+        if self.bytes - replica.size + len(payload) > MOST_BYTES:
+            self.refused["too much is described"] += 1
+            return None
+        self.bytes += len(payload) - replica.size
+        replica.size = len(payload)
         return replica, found
 
     def learn(self, replica: Replica, found: Description, at_us: int) -> None:
         """Take a description over. What a platform offers with which we cannot federate is not listed."""
         replica.found, replica.version, replica.refusal = found, found.version, self._refusal(found)
-        replica.offers = (
-            NO_OFFERS if replica.refusal is not None else _offered(found.services, found.labels, found.definitions)
-        )
+        replica.offers = NO_OFFERS if replica.refusal is not None else _offered(replica.unit, found)
         self._describe(replica.unit, replica.version)
         self._confirmed(replica, at_us)
 
@@ -163,6 +170,9 @@ class Replicas:
         asks = []
         for unit in self._due.pop_due(now_us):
             replica = self._replicas[unit]
+            if unit not in self._peers:  # its name has given way to others
+                self.drop(unit)
+                continue
             if replica.asked is not None:
                 del self._asking[replica.asked]
             asks.append(self._ask(replica, now_us))
@@ -192,13 +202,13 @@ class Replicas:
         return None
 
 
-@lru_cache(maxsize=1024)
-def _offered(
-    services: tuple[ServiceEntry, ...], labels: tuple[LabelEntry, ...], definitions: tuple[DefinitionEntry, ...]
-) -> Offers:
-    """Platforms offer much the same: what they offer is kept once."""
+def _offers_of(found: Description) -> Offers:
     return Offers(
-        {s.service: Service(s.service, s.agent, Visibility(s.visibility), s.version) for s in services},
-        {entry.label: entry for entry in labels},
-        {entry.label: entry.definition for entry in definitions},
+        {s.service: Service(s.service, s.agent, Visibility(s.visibility), s.version) for s in found.services},
+        {entry.label: entry for entry in found.labels},
+        {entry.label: entry.definition for entry in found.definitions},
     )
+
+
+_described = Newest(decode_description, len)
+_offered = Newest(_offers_of, lambda found: 64 * (1 + len(found.services) + len(found.labels) + len(found.definitions)))

@@ -1,5 +1,6 @@
 """Speech acts: the messages of FIPA ACL (SC00061G), with what makes them reliable on a lossy wire."""
 
+from base64 import b64decode, b64encode
 from contextlib import suppress
 from dataclasses import dataclass
 from enum import StrEnum
@@ -8,7 +9,7 @@ from typing import Any, Final, NamedTuple
 
 from dyknow.model.errors import NameRefused, TextError
 from federation import keys
-from federation.messages.sexpr import Expr, ExprReader, ExprValue, print_value
+from federation.messages.sexpr import Expr, ExprReader, ExprValue, QuotedText, print_value
 
 
 class Performative(StrEnum):
@@ -97,6 +98,8 @@ class Act(NamedTuple):
         seq: number of the act in that life, by which duplicates are known.
         created_us: when it was made; microseconds, the sender's node clock.
         acks: sequence numbers of the receiver's acts that have arrived.
+        evidence: of a task that the sender acts for: the act that delegated it, as it arrived there.
+        original: this act as it arrived here, signature and all; it is not sent.
     """
 
     performative: Performative
@@ -116,6 +119,8 @@ class Act(NamedTuple):
     seq: int = 0
     created_us: int = 0
     acks: tuple[int, ...] = ()
+    evidence: bytes = b""
+    original: bytes = b""
 
     @property
     def key(self) -> str:
@@ -143,6 +148,7 @@ _PARAMETERS: Final = {
     ":X-seq": "seq",
     ":X-created": "created_us",
     ":X-acks": "acks",
+    ":X-evidence": "evidence",
 }
 _AGENTS: Final = frozenset({"sender", "receiver", "reply_to"})
 _NUMBERS: Final = frozenset({"boot", "seq", "created_us", "reply_by_us"})
@@ -156,9 +162,14 @@ def print_act(act: Act) -> str:
     parts = [str(act.performative)]
     for name, attribute in _PARAMETERS.items():
         value = getattr(act, attribute)
-        if value not in (None, ()) and not (attribute in {"boot", "seq", "created_us"} and value == 0):
-            parts += [name, str(value) if attribute in _AGENTS else print_value(value)]
+        if value not in (None, (), b"") and not (attribute in {"boot", "seq", "created_us"} and value == 0):
+            parts += [name, str(value) if attribute in _AGENTS else print_value(_said(value))]
     return f"({' '.join(parts)})"
+
+
+def _said(value: Any) -> ExprValue:
+    said: ExprValue = QuotedText(b64encode(value).decode()) if isinstance(value, bytes) else value
+    return said
 
 
 def parse_act(text: str) -> Act:
@@ -203,6 +214,11 @@ def _parameter(reader: ExprReader, attribute: str) -> Any:
         fits = type(value) is int
     elif attribute == "acks":
         fits = isinstance(value, tuple) and all(type(seq) is int for seq in value)
+    elif attribute == "evidence":
+        with suppress(ValueError):
+            if isinstance(value, str):
+                return b64decode(value, validate=True)
+        fits = False
     else:
         fits = isinstance(value, str)
     if not fits:

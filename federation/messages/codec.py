@@ -23,11 +23,22 @@ from federation import keys
 from federation.messages import unpacking
 from federation.messages.acts import PERFORMATIVES, Act, AgentName
 from federation.messages.descriptions import Description
+from federation.messages.newest import Newest
 from federation.messages.sexpr import MAX_COUNT, MAX_DEPTH, Expr, ExprValue, QuotedText, is_name
 from federation.messages.unpacking import named, pack
 
 MAX_ACKS: Final = 256
 MAX_RIDERS, MAX_EVERY = 16, 16
+SHORT: Final = 8192
+"""Bytes of samples that are kept as they were read, in 256 messages at most."""
+MAX_TAILS: Final = 64
+"""Streams whose newest numbers one heartbeat names; who exports more names them in turn."""
+MAX_BEAT: Final = 32_768
+"""Bytes of a heartbeat: a thousand members that are heard, and the tails."""
+MAX_EVIDENCE: Final = 16_384
+"""Bytes of an act that another one carries as evidence: an area of 32 corners has about 1 300."""
+
+_BootTails: TypeAlias = tuple[int, tuple[tuple[str, str, int], ...]]
 
 Signature: TypeAlias = bytes
 """Ed25519 over the body of an act, 64 bytes."""
@@ -149,6 +160,7 @@ def encode_act(act: Act, sign: Callable[[bytes], Signature] | None = None) -> by
                 act.seq,
                 act.created_us,
                 act.acks,
+                *((act.evidence,) if act.evidence else ()),
             )
         )
         payload = pack((body, None if sign is None else sign(body)))
@@ -174,8 +186,8 @@ def decode_act(payload: bytes) -> tuple[Act, Signature | None, bytes]:
         unpacking.fail("signature")
     (
         performative, sender, receiver, content, conversation, protocol, reply_with, in_reply_to, reply_by,
-        language, encoding, ontology, reply_to, boot, seq, created, acks,
-    ) = unpacking.array(body, 17)  # fmt: skip
+        language, encoding, ontology, reply_to, boot, seq, created, acks, *more,
+    ) = unpacking.versioned(unpacking.unpack(body), 17, 18)  # fmt: skip
     if type(performative) is not str or performative not in PERFORMATIVES:
         unpacking.fail("performative")
     if content is not None:
@@ -205,8 +217,15 @@ def decode_act(payload: bytes) -> tuple[Act, Signature | None, bytes]:
         unpacking.count(seq),
         unpacking.stamp(created),
         acks,
+        _evidence(more[0]) if more else b"",
     )
     return act, signature, body
+
+
+def _evidence(value: Any) -> bytes:
+    if type(value) is not bytes:
+        unpacking.fail("evidence")
+    return value if 0 < len(value) <= MAX_EVIDENCE else unpacking.fail("oversized")
 
 
 def _agent(value: Any) -> AgentName:
@@ -309,14 +328,20 @@ def _packed(samples: Sequence[StreamSample]) -> list[tuple[Any, ...]]:
     ]
 
 
-@lru_cache(maxsize=256)
 def decode_samples(payload: bytes) -> StreamedSamples:
-    """What was put on the key of a stream; raises DecodeError. Read once for all in a process."""
+    """What was put on the key of a stream; raises DecodeError. Read once for all in a process, if it is not long."""
+    return _short_samples(payload) if len(payload) <= SHORT else _read_samples(payload)
+
+
+def _read_samples(payload: bytes) -> StreamedSamples:
     boot, samples, *more = unpacking.versioned(unpacking.unpack(payload), 2, 4)
     riders = _riders(more[0]) if more else ()
     if not 1 <= (every := unpacking.count(more[1]) if len(more) > 1 else 1) <= MAX_EVERY:
         unpacking.fail("number")
     return _new(StreamedSamples, (unpacking.count(boot), tuple(_samples(samples)), riders, every))
+
+
+_short_samples = lru_cache(maxsize=256)(_read_samples)
 
 
 def _riders(found: Any) -> tuple[Rider, ...]:
@@ -371,40 +396,44 @@ def encode_heartbeat(heartbeat: Heartbeat) -> bytes:
 
 
 def decode_heartbeat(payload: bytes) -> Heartbeat:
-    """A heartbeat; what one has in common with that before it, whom it hears above all, is the same object in both."""
+    """A heartbeat; what one has in common with the last of its unit, whom it hears above all, is the same object in both."""
+    if len(payload) > MAX_BEAT:
+        unpacking.fail("oversized", f"{len(payload)} bytes")
     unit, boot, seq, wall_us, description, hears, tails = unpacking.array(payload, 7)
     if not all(type(name) is str for name in unpacking.items(hears)):
         unpacking.fail("name")
-    for tail in unpacking.items(tails):
+    for tail in unpacking.items(tails, MAX_TAILS):
         unpacking.fields(tail, 3)
         if type(tail[0]) is not str or type(tail[1]) is not str:
             unpacking.fail("name")
         unpacking.count(tail[2])
+    unit = named(keys.unit, unit)
     numbers = unpacking.count(boot), unpacking.count(seq), unpacking.stamp(wall_us), unpacking.count(description)
-    return Heartbeat(named(keys.unit, unit), *numbers, _heard(hears), _tails(boot, tails))
+    return Heartbeat(unit, *numbers, _heard(unit, hears), _tails(unit, (boot, tails))[1])
 
 
-@lru_cache(maxsize=1024)
-def _heard(units: tuple[str, ...]) -> tuple[str, ...]:
+def _checked_units(units: tuple[str, ...]) -> tuple[str, ...]:
     for name in units:
         named(keys.unit, name)
     return units
 
 
-@lru_cache(maxsize=1024)
-def _tails(_boot: int, tails: tuple[tuple[str, str, int], ...]) -> tuple[tuple[str, str, int], ...]:
+def _checked_tails(tails: _BootTails) -> _BootTails:
     """Those of another life are another object."""
-    for label, policy_hash, _ in tails:
+    for label, policy_hash, _ in tails[1]:
         named(keys.label, label)
         unpacking.digest(policy_hash)
     return tails
+
+
+_heard = Newest(_checked_units, lambda units: 64 + sum(map(len, units)))
+_tails = Newest(_checked_tails, lambda tails: 64 * (1 + len(tails[1])))
 
 
 def encode_description(description: Description) -> bytes:
     return pack((unpacking.VERSION, description.model_dump()))
 
 
-@lru_cache(maxsize=1024)
 def decode_description(payload: bytes) -> Description:
     (found,) = unpacking.array(payload, 1)
     try:

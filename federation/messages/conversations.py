@@ -18,7 +18,7 @@ from federation.messages import protocols
 from federation.messages.acts import Act, AgentName, Performative
 from federation.messages.codec import encode_act
 from federation.messages.delivery import Delivery
-from federation.messages.receipts import Receipt
+from federation.messages.receipts import Receipt, encode_receipt
 from federation.messages.sexpr import Expr, QuotedText
 from federation.transport import Put
 
@@ -47,12 +47,18 @@ _Name: TypeAlias = tuple[str, str, bool]
 class Conversations:
     """All conversations of one platform, and the delivery of their acts. Times are the node clock.
 
-    `encode` turns an act into bytes, signed where there is a roster.
+    `encode` turns an act into bytes, `receipt_bytes` a receipt for a unit, signed where there is a roster.
     """
 
-    def __init__(self, unit: str, boot: int, encode: Callable[[Act], bytes] = encode_act) -> None:
+    def __init__(
+        self,
+        unit: str,
+        boot: int,
+        encode: Callable[[Act], bytes] = encode_act,
+        receipt_bytes: Callable[[str, Receipt], bytes] = lambda _receiver, receipt: encode_receipt(receipt),
+    ) -> None:
         self.unit, self.boot = unit, boot
-        self.delivery = Delivery(unit, boot, encode)
+        self.delivery = Delivery(unit, boot, encode, receipt_bytes)
         self._open: dict[_Name, protocols.Conversation] = {}
         self._due_us: int | None = None
         self._opened = 0

@@ -25,7 +25,8 @@ SLOW_RETRANSMISSIONS = 10
 REPEATS, REPEATS_PER_S = 64, 16
 """Limits of the puts that are repeated, at once and in a second; each acknowledgement allows another one. More would be
 late, too: an act whose turn it is then waits for its next turn."""
-UNACKNOWLEDGED = 4096
+UNACKNOWLEDGED, OF_ONE = 4096, 1024
+"""Acts that are not acknowledged, in all and by one receiver: one more, and the oldest to the receiver of most is given up."""
 WINDOW = 1024
 SENDERS = 512
 SUSPENDED = 256
@@ -88,12 +89,19 @@ class _Pending:
 class Delivery:
     """Numbers, puts and repeats own acts, and acknowledges those of others. Times are the node clock."""
 
-    def __init__(self, unit: str, boot: int, encode: Callable[[Act], bytes]) -> None:
-        self.unit, self.boot = unit, boot
+    def __init__(
+        self,
+        unit: str,
+        boot: int,
+        encode: Callable[[Act], bytes],
+        receipt_bytes: Callable[[str, Receipt], bytes] = lambda _receiver, receipt: encode_receipt(receipt),
+    ) -> None:
+        self.unit, self.boot, self._receipt_bytes = unit, boot, receipt_bytes
         self.counts: Counter[str] = Counter()
         self._encode = encode
         self._seq = 0
         self._pending: dict[tuple[str, int], _Pending] = {}
+        self._waiting: Counter[str] = Counter()
         self._peers: dict[str, RoundTrip] = {}
         self._repeats: float = REPEATS
         self._refilled_us = 0
@@ -137,13 +145,17 @@ class Delivery:
     def _put(self, act: Act, now_us: int, *, patient: bool) -> Put:
         put = Put(act.key, self._encode(act), Urgency.ACT)
         if act.receiver.unit != keys.EVERYBODY:
-            if len(self._pending) >= UNACKNOWLEDGED:
-                self._give_up(now_us)
-            pause_us = self._peer(act.receiver.unit).pause_us
+            receiver = act.receiver.unit
+            if self._waiting.get(receiver, 0) >= OF_ONE:
+                self._give_up(receiver, now_us)
+            elif len(self._pending) >= UNACKNOWLEDGED:
+                self._give_up(self._waiting.most_common(1)[0][0], now_us)
+            pause_us = self._peer(receiver).pause_us
             if not patient and act.reply_by_us is not None:  # it is put twice while it is of use
                 pause_us = min(pause_us, max(LEAST_US, (act.reply_by_us - now_us) // 2))
             due_us = now_us + pause_us
-            self._pending[act.receiver.unit, act.seq] = _Pending(act, put, now_us, due_us, patient)
+            self._pending[receiver, act.seq] = _Pending(act, put, now_us, due_us, patient)
+            self._waiting[receiver] += 1
             self._wake(due_us)
         return put
 
@@ -171,7 +183,7 @@ class Delivery:
         if not self._owed:
             return []
         puts = [
-            Put(receipt_key(unit, self.unit), encode_receipt(Receipt(boot, seqs)), Urgency.ACT)
+            Put(receipt_key(unit, self.unit), self._receipt_bytes(unit, Receipt(boot, seqs)), Urgency.ACT)
             for unit, (boot, seqs) in self._owed.items()
         ]
         self._owed.clear()
@@ -189,7 +201,7 @@ class Delivery:
         for name, pending in list(self._pending.items()):
             if now_us >= pending.due_us:
                 if not pending.again(now_us, self._peer(name[0])):
-                    del self._pending[name]
+                    self._taken(name)
                     undelivered.append(pending.act)
                     continue
                 if len(puts) < self._repeats:
@@ -207,7 +219,7 @@ class Delivery:
         self._owed.pop(unit, None)
         self._peers.pop(unit, None)
         waiting = [name for name in self._pending if name[0] == unit]
-        acts = [pending.act for name in waiting if (pending := self._pending.pop(name)).is_patient]
+        acts = [pending.act for name in waiting if (pending := self._taken(name)) is not None and pending.is_patient]
         if acts:
             self._suspended[unit] = (self.boot_of(unit), acts[-SUSPENDED:])
             while len(self._suspended) > SENDERS:
@@ -233,18 +245,28 @@ class Delivery:
 
     def waiting(self, unit: str) -> int:
         """How many acts to `unit` are not acknowledged yet."""
-        return sum(receiver == unit for receiver, _ in self._pending)
+        return self._waiting.get(unit, 0)
 
-    def _give_up(self, now_us: int) -> None:
-        """Too much is unacknowledged: the oldest act is not put again, and reported as undelivered."""
-        oldest = next((pending for pending in self._pending.values() if pending.quick or pending.slow), None)
-        if oldest is not None:
-            oldest.quick, oldest.slow, oldest.due_us = 0, 0, now_us
-            self._wake(now_us)
+    def _taken(self, name: tuple[str, int]) -> _Pending | None:
+        """Take an act off those that are not acknowledged."""
+        pending = self._pending.pop(name, None)
+        if pending is not None:
+            self._waiting[name[0]] -= 1
+            if not self._waiting[name[0]]:
+                del self._waiting[name[0]]
+        return pending
+
+    def _give_up(self, receiver: str, now_us: int) -> None:
+        """Too much is unacknowledged: the oldest act to a receiver is not put again, and reported as undelivered."""
+        for (unit, _), pending in self._pending.items():
+            if unit == receiver and (pending.quick or pending.slow):
+                pending.quick, pending.slow, pending.due_us = 0, 0, now_us
+                self._wake(now_us)
+                return
 
     def _acknowledged(self, sender: str, seqs: Iterable[int], now_us: int) -> None:
         for seq in seqs:
-            pending = self._pending.pop((sender, seq), None)
+            pending = self._taken((sender, seq))
             self._repeats += pending is not None
             if pending is not None and pending.is_repeated:
                 self._peer(sender).on_late(now_us)

@@ -22,6 +22,7 @@ from federation import keys
 from federation.messages.sexpr import MAX_COUNT
 
 MAX_DEFINITIONS: Final = 128
+MAX_CONDITIONS: Final = 16
 """Semantic labels of its own that a platform may have."""
 
 
@@ -149,7 +150,7 @@ class Description(DescriptionModel):
     roster: Annotated[str, Field(pattern=r"^[0-9a-f]{16}$")] | None = None
     services: Annotated[tuple[ServiceEntry, ...], Field(max_length=256)] = ()
     labels: Annotated[tuple[LabelEntry, ...], Field(max_length=256)] = ()
-    conditions: Annotated[tuple[ConditionEntry, ...], Field(max_length=16)] = ()
+    conditions: Annotated[tuple[ConditionEntry, ...], Field(max_length=MAX_CONDITIONS)] = ()
     definitions: Annotated[tuple[DefinitionEntry, ...], Field(max_length=MAX_DEFINITIONS)] = ()
 
     @model_validator(mode="after")

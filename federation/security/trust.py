@@ -269,15 +269,10 @@ class Verifier:
             now_us: when it arrived.
             offset_us: the sender's clock minus ours, as estimated; believed up to `OFFSET_US` either way.
         """
-        if signature is None:
-            return "unsigned"
+        refusal = self.doubt(act, signature, body)
         member = self.roster.member(act.sender.unit)
-        if member is None:
-            return "unknown sender"
-        if member.revoked:
-            return "revoked"
-        if not self._is_genuine(member.key, signature, body):
-            return "forged"
+        if refusal is not None or member is None:
+            return refusal
         said_us = act.created_us - max(-OFFSET_US, min(offset_us, OFFSET_US))
         if abs(now_us - said_us) > MAX_AGE_US:
             return "too old" if said_us < now_us else "from the future"
@@ -290,6 +285,22 @@ class Verifier:
             self.accepted += 1
             self.accepted_us[member.unit] = max(act.created_us, self.accepted_us.get(member.unit, 0))
         return refusal
+
+    def is_genuine(self, unit: str, signature: Signature, signed: bytes) -> bool:
+        """Whether a member that is not revoked signed these bytes, in this federation."""
+        member = self.roster.member(unit)
+        return member is not None and not member.revoked and self._is_genuine(member.key, signature, signed)
+
+    def doubt(self, act: Act, signature: Signature | None, body: bytes) -> Refusal | None:
+        """Why it is not the act of the member that it names, or None; when it was made, and how often it has come, is not asked."""
+        if signature is None:
+            return "unsigned"
+        member = self.roster.member(act.sender.unit)
+        if member is None:
+            return "unknown sender"
+        if member.revoked:
+            return "revoked"
+        return None if self._is_genuine(member.key, signature, body) else "forged"
 
     def _is_genuine(self, key: bytes, signature: Signature, body: bytes) -> bool:
         from cryptography.exceptions import InvalidSignature

@@ -8,7 +8,7 @@ from typing import NamedTuple, TypeAlias
 
 from dyknow.model.errors import DecodeError, Refused
 from dyknow.policies.policy import Policy
-from federation.messages.codec import Recovered, decode_range, encode_recovered
+from federation.messages.codec import MAX_TAILS, Recovered, decode_range, encode_recovered
 from federation.sharing.streams import RING, ExportStream
 from federation.transport import Answer, AnswerEnd, Asked
 
@@ -89,6 +89,7 @@ class Exports:
         self._contracts: dict[str, _Contract] = {}
         self._absent: dict[str, tuple[int, int | None]] = {}
         self._tails: dict[StreamName, int] = {}
+        self._turn = 0
         self._receivers: dict[StreamName, frozenset[str]] = {}
         self._due_us: int | None = None
 
@@ -184,8 +185,12 @@ class Exports:
         ]
 
     def tails(self) -> list[tuple[str, str, int]]:
-        """(label, policy hash, newest number) of each stream whose ring is held, for the heartbeat."""
-        return [(*name, export.stream.tail) for name, export in self._exports.items() if export.stream.tail]
+        """(label, policy hash, newest number) of each stream whose ring is held, for the heartbeat; of many, some in turn."""
+        tails = [(*name, export.stream.tail) for name, export in self._exports.items() if export.stream.tail]
+        if len(tails) <= MAX_TAILS:
+            return tails
+        self._turn = (self._turn + MAX_TAILS) % len(tails)
+        return (tails[self._turn :] + tails[: self._turn])[:MAX_TAILS]
 
     def on_asked(self, asked: Asked, label: str) -> list[Answer | AnswerEnd]:
         """Answer a receiver that misses samples of `label`."""

@@ -18,7 +18,7 @@ class ErrorCollector:
         limit: how many are kept.
     """
 
-    limit = 1 << 30
+    limit = 100
 
     def __init__(self, text: str) -> None:
         self.errors: list[TextError] = []

@@ -27,14 +27,16 @@ def features_of(instance: "Instance", formula: Formula) -> tuple[frozenset[str],
     return frozenset(each.name for each in features) - own, own
 
 
-def read_over(instance: "Instance", text: str) -> Formula:
+def read_over(instance: "Instance", text: str, parsed: Formula | None = None) -> Formula:
     """A formula over the streams of an instance, or over features derived in its federation, what it defines put in.
+
+    `parsed` is what `parse_formula` made of the text, if that has been done.
 
     Raises:
         TextError: it is none.
         TextErrors: with everything that is wrong with it, streams without a producer, too.
     """
-    asked, symbols = MonitorDeclaration(text, parse_formula(text)), instance.current_symbols()
+    asked, symbols = MonitorDeclaration(text, parsed or parse_formula(text)), instance.current_symbols()
     definitions, derived = Definitions(symbols), Streams(symbols).derived
     symbols.add(asked)
     try:

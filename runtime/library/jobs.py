@@ -14,13 +14,11 @@ from federation.messages.contents import (
     Content,
     CreateMonitor,
     CreateMulticast,
-    DivideArea,
     Done,
     MonitorEntry,
     MonitorList,
     MonitorProximity,
     Monitors,
-    PermitMission,
     Query,
     Reading,
     Samples,
@@ -54,7 +52,6 @@ P = Performative
 C = TypeVar("C", bound=Content)
 GRACE_S = 0.5
 SET_UP_S = 2.0
-PERMIT_S = 3.0
 MOST_LEADERS = 8
 """Platforms that one act permits to lead."""
 _LOOK_S = 0.2
@@ -294,21 +291,7 @@ def begin_task(
     content = content_with(task, given, client.federation_us(), client.extensions)
     unit = receiver_of(client, content, to)
     how, what = (P.REQUEST, content) if when is None else (P.REQUEST_WHEN, content_when(content, *when))
-    dialogue = client.say(unit, how, what, within_s=within_s, standing=True)
-    if isinstance(content, DivideArea) and content.scan_m is not None:
-        yield Wait(lambda: bool(dialogue.said or dialogue.over), within_s + GRACE_S)
-        if dialogue.agreed:
-            yield from _permit_scan(client, dialogue)
-    return dialogue
-
-
-def _permit_scan(client: Client, dialogue: Dialogue) -> Job[None]:
-    """Permit the leader of a scan, and those that may succeed it, to command the vehicles of all platforms that are there."""
-    there = client.pick(None)
-    leaders = tuple(sorted(there, key=lambda each: (each != dialogue.unit, unit_order(each))))[:MOST_LEADERS]
-    permit = PermitMission(mission=dialogue.conversation, leaders=leaders)
-    said = [client.say(unit, P.REQUEST, permit, within_s=PERMIT_S) for unit in there]
-    yield Wait(lambda: all(each.said or each.over for each in said), PERMIT_S)
+    return client.say(unit, how, what, within_s=within_s, standing=True)
 
 
 def running_already(client: Client, task: str, to: str | None, given: Mapping[str, Any]) -> Job[TaskEntry | None]:

@@ -119,9 +119,10 @@ def _permit(client: Client, mission: str, leader: str, taking_part: Sequence[str
     """
     first = dict.fromkeys((leader,) if leader in taking_part else (leader, *taking_part[:1]))
     leaders = tuple(dict.fromkeys((*first, *sorted(taking_part, key=unit_order))))[:MOST_LEADERS]
+    permit = PermitMission(mission=mission, leaders=leaders, vehicles=tuple(taking_part))
     for platform in taking_part:
         if set(leaders) - {platform}:
-            yield from _asked(client, client.pick(platform)[0], PermitMission(mission=mission, leaders=leaders))
+            yield from _asked(client, client.pick(platform)[0], permit)
 
 
 def mission_of(

@@ -223,9 +223,14 @@ def content(value: Any, depth: int = 0) -> bool:
     return all(_is(str, word) and argument(word) and word not in {"sequence", "record"} for word in words)
 
 
-def _message(payload: bytes, fields: int) -> list[Any]:
+def _message(payload: bytes, fields: int, most: int = 0) -> list[Any]:
     found = read(payload)
-    if not _is(list, found) or len(found) != fields + 1 or not _is(int, found[0]) or found[0] != 1:
+    if (
+        not _is(list, found)
+        or not fields < len(found) <= max(most, fields) + 1
+        or not _is(int, found[0])
+        or found[0] != 1
+    ):
         raise Invalid("not a message of that kind")
     return found[1:]
 
@@ -248,9 +253,10 @@ def act(payload: bytes) -> bool:
     body, signature = envelope
     if signature is not None and not (_is(bytes, signature) and len(signature) == 64):
         return False
-    (kind, sender, receiver, said, *words, language, encoding, ontology, reply_to, boot, seq, created, acks) = _message(
-        body, 17
-    )
+    fields = _message(body, 17, 18)
+    (kind, sender, receiver, said, *words, language, encoding, ontology, reply_to, boot, seq, created, acks) = fields[
+        :17
+    ]
     *words, reply_by = words
     return (
         _is(str, kind) and kind in PERFORMATIVES
@@ -260,6 +266,7 @@ def act(payload: bytes) -> bool:
         and (reply_by is None or stamp(reply_by))
         and count(boot) and count(seq) and stamp(created)
         and _is(list, acks) and len(acks) <= 256 and all(count(ack) for ack in acks)
+        and all(_is(bytes, evidence) and 0 < len(evidence) <= 16_384 for evidence in fields[17:])
     )  # fmt: skip
 
 

@@ -67,4 +67,6 @@ ACTS = st.builds(
     COUNTS,
     STAMPS,
     st.lists(COUNTS, max_size=3).map(tuple),
+    st.binary(max_size=40),
+    st.just(b""),
 )

@@ -90,6 +90,7 @@ from federation.messages.contents.platform import (
     SpecificationText,
     TaskEntry,
     TaskList,
+    TaskOver,
     Tasks,
 )
 from federation.messages.contents.streams import (
@@ -211,6 +212,7 @@ __all__ = [
     "TakeProposal",
     "TaskEntry",
     "TaskList",
+    "TaskOver",
     "Tasks",
     "VehicleNews",
     "Verdict",

@@ -1,13 +1,13 @@
 """Areas that are divided among platforms (thesis 9.2.3)."""
 
 from itertools import chain
-from typing import Annotated, Self
+from typing import Annotated
 
-from pydantic import AfterValidator, Field, model_validator
+from pydantic import AfterValidator, Field
 
 from dyknow.model.errors import Refused
 from federation.messages.contents import parts
-from federation.messages.descriptions import Count, SemanticLabel
+from federation.messages.descriptions import SemanticLabel
 from navigation.areas import Area
 
 MAX_CORNERS = 32
@@ -68,9 +68,8 @@ class AreaRing(parts.ContentPart):
 class AssignArea(parts.Content):
     """The piece of the receiver in a division: its borders, none if it has no part in it (any longer).
 
-    `generation` counts the divisions of one task; the latest holds. The rest is what a successor of the leader needs:
-    the whole area, its delegator, sensor and height of scanning; the platforms that have a piece; which life of the
-    platform that the task was delegated to is its leader.
+    `generation` counts the divisions of one task; the latest holds. `units`: the platforms that have a piece. The whole area,
+    its sensor, the height of scanning and whose task it is are in the evidence that the act carries.
     """
 
     task: parts.Conversation
@@ -79,22 +78,12 @@ class AssignArea(parts.Content):
     area_m2: parts.SquareMetres = Field(default=0.0, alias="area_m2")
     share: parts.Share = 0.0
     middle: Corner = "0 0"
-    whole: Border
-    sensor: SemanticLabel | None = None
-    scan_m: ScanHeight | None = Field(default=None, alias="scan_m")
-    delegator: parts.Unit | None = None
     units: parts.Units = ()
-    delegate_boot: Count = 0
 
-    @model_validator(mode="after")
-    def _is_of_the_whole(self) -> Self:
-        """The piece lies where the area does."""
-        if not self.rings:
-            return self
-        spans = [
-            (min(each) - ROUNDED_DEG, max(each) + ROUNDED_DEG) for each in zip(*map(_degrees, self.whole), strict=True)
-        ]
+    def outside(self, whole: tuple[Corner, ...]) -> str | None:
+        """A corner of the piece that does not lie where the whole area does, or None."""
+        spans = [(min(each) - ROUNDED_DEG, max(each) + ROUNDED_DEG) for each in zip(*map(_degrees, whole), strict=True)]
         for corner in chain.from_iterable(ring.corners for ring in self.rings):
             if not all(least <= at <= most for at, (least, most) in zip(_degrees(corner), spans, strict=True)):
-                raise ValueError(f"the piece has a place outside the whole area: {corner}")
-        return self
+                return corner
+        return None

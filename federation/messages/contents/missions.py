@@ -66,10 +66,15 @@ class LeaveMission(parts.Content):
 
 
 class PermitMission(parts.Content):
-    """Let these platforms command your vehicle in a mission, until it ends; only a command centre may permit it."""
+    """Let these platforms command your vehicle in a mission, until it ends; only a command centre may permit it.
+
+    The first of `leaders` leads it, each next one when all before it are gone. `vehicles`: the platforms whose vehicles are
+    permitted, those to which a leader may show this act as evidence; empty: only the one that it was sent to.
+    """
 
     mission: parts.Conversation
     leaders: Annotated[tuple[parts.Unit, ...], Field(min_length=1, max_length=8)]
+    vehicles: Annotated[tuple[parts.Unit, ...], Field(max_length=MAX_UNITS)] = ()
 
 
 class JoinMission(parts.Content):

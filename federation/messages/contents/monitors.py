@@ -19,17 +19,15 @@ class MonitorProximity(parts.Content):
 
 
 class CreateMonitor(parts.Content):
-    """Set up a monitor by name, alone or as part of a task that `coordinator` leads.
+    """Set up a monitor by name, alone or as part of a task that `coordinator` leads; the act carries the evidence for it.
 
-    `delegator` asked the platform `delegate` for that task; `generation` counts its coordinators from 1.
+    `generation` counts its coordinators from 1.
     """
 
     name: parts.Word
     profile: parts.Word | None = None
     task: parts.Conversation | None = None
     coordinator: parts.Unit | None = None
-    delegator: parts.Unit | None = None
-    delegate: parts.Unit | None = None
     generation: parts.Generation | None = None
     sample_period_s: parts.Period | None = None
     delay_s: parts.Seconds | None = None

@@ -42,6 +42,12 @@ class TaskList(parts.Content):
     tasks: Annotated[tuple[TaskEntry, ...], Field(max_length=parts.MAX_LIST)]
 
 
+class TaskOver(parts.Content):
+    """A task is over everywhere: what was permitted or assigned for it counts no longer. Of the platform that leads it."""
+
+    task: parts.Conversation
+
+
 class Acts(parts.Content):
     """Subscribe: tell me of every act that enters or leaves."""
 

@@ -20,3 +20,10 @@ def test_one_owner_has_a_share_of_the_imports_and_the_others_keep_theirs(wire):
     wire.run(0.1)
     notes = [note for note in wire.nodes["0"].notes if "announces more" in note]
     assert len(notes) == 1
+    wire.run(2)
+    shown = wire.platform("1").member.directory.entry("0").conditions
+    assert any(text.text.startswith("2 announces more than 64 streams") for text in shown)
+    for number in range(STREAMS_OF_ONE):
+        proxy.end("2", "heli-position", f"{number:08x}")
+    wire.run(2)
+    assert not any("announces more" in text.text for text in wire.platform("1").member.directory.entry("0").conditions)

@@ -1,9 +1,11 @@
 import pytest
 
 from agents.platform import Platform
+from agents.tasks.authority import TaskEvidence
 from agents.tasks.life import TOMBSTONES
 from agents.tasks.task import Claim, Task
 from dyknow.model.errors import Refused
+from federation.messages.contents import MonitorProximity
 from tests.box import Box
 
 TASK = "cc-1-1.1"
@@ -11,6 +13,7 @@ TASK = "cc-1-1.1"
 
 def test_a_life_of_tasks_remembers_whose_task_ended_and_forgets_in_the_end(wire: Box, node: Platform) -> None:
     life, ended = node.ports.tasks, []
+    evidence = TaskEvidence(TASK, "cc", "1", MonitorProximity(), wire.now_us)
 
     def take_down(now_us: int) -> tuple[str, ...]:
         ended.append(now_us)
@@ -22,9 +25,10 @@ def test_a_life_of_tasks_remembers_whose_task_ended_and_forgets_in_the_end(wire:
     assert life.cancel("d", 7) is None
     assert ended == [5]
     with pytest.raises(Refused, match="cancelled") as refused:
-        life.check_claim(Claim(TASK, "2", 0, 2, "", "1"))
+        life.check_claim(Claim(evidence, "2", 0, 2), wire.now_us)
     assert refused.value.code == "cancelled"
-    life.check_claim(Claim(TASK, "1", 0, 1, "", "1"))  # it ended on its behalf, so it may set it up again
+    life.check_claim(Claim(evidence, "1", 0, 1), wire.now_us)  # it ended on its behalf, so it may set it up again
     for at in range(TOMBSTONES):
         life.bury(f"t{at}", "1")
-    life.check_claim(Claim(TASK, "2", 0, 2, "", "1"))
+    with pytest.raises(Refused, match="only when 0 is gone"):
+        life.check_claim(Claim(evidence, "2", 0, 2), wire.now_us)

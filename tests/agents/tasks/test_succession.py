@@ -7,7 +7,8 @@ import pytest
 from agents.monitoring.coordination import Coordination
 from agents.platform import Platform
 from console.commands.members.delegate import plain
-from federation.messages.acts import Performative
+from federation.messages.acts import AgentName, Performative
+from federation.messages.codec import decode_act, encode_act
 from federation.messages.contents import (
     Alarm,
     CreateMonitor,
@@ -55,10 +56,13 @@ def delegated(wire: Box) -> Question:
     return task
 
 
-def claimed(wire: Box, task: Question, to: str, by: str = "2", **said: object) -> list[Question]:
-    """`by` would coordinate the task at `to`; then it cancels what it was given."""
+def claimed(
+    wire: Box, task: Question, to: str, by: str = "2", evidence: bytes | None = None, **said: object
+) -> list[Question]:
+    """`by` would coordinate the task at `to`, and shows its evidence; then it cancels what it was given."""
     parts = [CreateMonitor(name=name, task=task.conversation, **said) for name in BOTH]  # type: ignore[arg-type]
-    asked = [wire.asked(by, to, part) for part in parts]
+    shown = wire.evidence(task.conversation) if evidence is None else evidence
+    asked = [wire.shown(by, to, part, shown) for part in parts]
     wire.run(1.0)
     for each in asked:
         wire.cancel(by, to, each.conversation)
@@ -84,10 +88,9 @@ def listed(wire: Box, unit: str) -> list[tuple[str, str | None]]:
 
 
 @pytest.mark.parametrize("generation", [1, 2**31, pytest.param(10, marks=pytest.mark.full)])
-@pytest.mark.parametrize("delegate", [None, "2", "0"])
-def test_a_coordinator_that_is_here_is_not_deposed(three: Box, generation: int, delegate: str | None) -> None:
+def test_a_coordinator_that_is_here_is_not_deposed(three: Box, generation: int) -> None:
     task = delegated(three)
-    said: dict[str, object] = {"generation": generation, "coordinator": "2", "avoidance": False, "delegate": delegate}
+    said: dict[str, object] = {"generation": generation, "coordinator": "2", "avoidance": False}
     for to, other in (("0", "1"), ("1", "0")):
         before = watched(three, to)
         refused = three.platform(to).ports.agent.audit_log.refused["refused"]
@@ -123,13 +126,12 @@ def test_after_a_crash_one_successor_leads_and_lowers_no_avoidance(three: Box) -
     three.kill("0")
     three.run(5.0)
     assert {coordination(three, unit, task) for unit in "123"} == {("1", 2, True)}
-    refused = claimed(three, task, "3", generation=3, avoidance=False, delegate="0")
+    refused = claimed(three, task, "3", generation=3, avoidance=False)
     assert [question.performatives for question in refused] == [[P.REFUSE]] * 2
     three.kill("1")
-    three.run(0.9)
-    early = three.asked(
-        "2", "3", CreateMonitor(name="proximity", task=task.conversation, generation=3, avoidance=False)
-    )
+    three.run(1.5)
+    said = CreateMonitor(name="proximity", task=task.conversation, generation=3, avoidance=False)
+    early = three.shown("2", "3", said, three.evidence(task.conversation))
     assert early.performatives == [P.AGREE, P.INFORM], "the next in turn, when the one before is gone"
     three.run(5.0)
     assert coordination(three, "3", task) == ("2", 3, True)
@@ -234,24 +236,33 @@ def test_only_who_leads_hands_over(three: Box) -> None:
         assert three.platform(to).ports.agent.audit_log.refused["refused"] == 1
 
 
-def test_a_task_belongs_to_the_delegator_that_its_name_begins_with(three: Box) -> None:
-    task = delegated(three)
+def test_a_coordinator_shows_the_act_that_delegated_the_task(three: Box) -> None:
+    task, other = delegated(three), three.asked("2", "1", MonitorProximity(avoidance=False))
     joined(three, "3")
     three.run(0.1)
-    (first, second) = claimed(three, task, "3", delegator="2", delegate="2")
-    for question in (first, second):
-        (reason,) = question.contents
-        assert isinstance(reason, Reason)
-        assert reason.code == "delegator"
+    genuine = three.evidence(task.conversation)
+    act = decode_act(genuine)[0]
+    forged = encode_act(
+        act._replace(sender=AgentName("interface", "cc"), created_us=act.created_us + 1), Signer(seed("2"), "default")
+    )
+    for shown in (
+        b"",
+        b"x",
+        forged,
+        encode_act(act),
+        genuine[:-1] + bytes([genuine[-1] ^ 1]),
+        three.evidence(other.conversation),
+    ):
+        for question in claimed(three, task, "3", evidence=shown):
+            (reason,) = question.contents
+            assert isinstance(reason, Reason)
+            assert reason.code == "unproven", reason
     three.run(3.0)
     assert coordination(three, "3", task) == ("0", 1, True)
 
 
-@pytest.mark.parametrize("is_cancelled", [True, False])
 @pytest.mark.parametrize("generation", [1, 2])
-def test_a_task_that_is_claimed_before_it_is_delegated_goes_to_its_delegate(
-    three: Box, is_cancelled: bool, generation: int
-) -> None:
+def test_a_task_that_is_claimed_before_it_is_delegated_goes_to_its_delegate(three: Box, generation: int) -> None:
     """Numbers of tasks can be guessed, so a member may speak of one that there is not yet."""
     asked_before = three.asked("cc", "0", Tasks(), P.QUERY_REF)
     three.run(0.2)
@@ -259,21 +270,13 @@ def test_a_task_that_is_claimed_before_it_is_delegated_goes_to_its_delegate(
     claims = [
         three.asked(
             "2", "1",
-            CreateMonitor(
-                name=name, task=f"{number}-{at}.0", coordinator="2", generation=generation, delegator="cc",
-                avoidance=False, delegate=None if generation == 1 else "0",
-            ),
+            CreateMonitor(name=name, task=f"{number}-{at}.0", coordinator="2", generation=generation, avoidance=False),
         )
         for at in range(2, 5)
         for name in BOTH
     ]  # fmt: skip
     three.run(0.5)
-    if generation == 1:
-        assert [(claim.performatives, claim.contents[0].code) for claim in claims] == [([P.REFUSE], "delegate")] * 6
-    if is_cancelled:
-        for claim in claims:
-            three.cancel("2", "1", claim.conversation)
-    three.run(0.5)
+    assert [(claim.performatives, claim.contents[0].code) for claim in claims] == [([P.REFUSE], "unproven")] * 6
     task = delegated(three)
     assert task.conversation.startswith(number) and task.conversation.endswith(".0")
     three.run(4.0)

@@ -15,7 +15,7 @@ from federation import keys
 from federation.messages.acts import Act, AgentName, Performative
 from federation.messages.codec import decode_act
 from federation.messages.conversations import OPEN_PER_PEER, REPLY_BY_US, RESULT_WITHIN_US, Conversations
-from federation.messages.delivery import WINDOW, SeenActs
+from federation.messages.delivery import OF_ONE, UNACKNOWLEDGED, WINDOW, SeenActs
 from federation.messages.protocols import Incoming, PeerLost, Phase, Reply, TimedOut, Undelivered
 from federation.messages.receipts import Receipt, decode_receipt, encode_receipt
 from federation.messages.sexpr import Expr
@@ -142,13 +142,24 @@ def test_a_receipt_is_read_strictly(payload: bytes) -> None:
     assert all(seq >= 0 for seq in seqs)
 
 
-def test_too_many_unacknowledged_acts_are_given_up_from_the_oldest() -> None:
+def test_too_many_acts_that_one_does_not_acknowledge_are_given_up_from_its_oldest() -> None:
     a, _ = two()
-    for _ in range(4097):
-        a.send(act(P.INFORM), 0)
-    (given_up,) = a.on_time(0)
-    assert isinstance(given_up, Undelivered)
-    assert given_up.act.seq == 1
+    a.send(act(P.INFORM), 0)
+    for _ in range(OF_ONE + 3):
+        a.send(act(P.INFORM)._replace(receiver=AgentName("x", "silent")), 0)
+    given_up = a.on_time(0)
+    assert all(isinstance(each, Undelivered) for each in given_up)
+    assert [each.act.seq for each in given_up] == [2, 3, 4]
+
+
+def test_too_many_in_all_are_given_up_from_the_receiver_of_most() -> None:
+    a, _ = two()
+    for number in range(UNACKNOWLEDGED - 200):
+        a.send(act(P.INFORM)._replace(receiver=AgentName("x", f"u{number % 4}")), 0)
+    for number in range(201):
+        a.send(act(P.INFORM)._replace(receiver=AgentName("x", f"v{number}")), 0)
+    given_up = a.on_time(0)
+    assert [each.act.receiver.unit[0] for each in given_up] == ["u"]
 
 
 def test_an_act_that_cannot_be_encoded_is_not_sent_and_opens_nothing() -> None:

@@ -13,7 +13,7 @@ from dyknow.model.errors import Refused
 from dyknow.model.sample import Sample
 from dyknow.policies.policy import Policy
 from federation.members.clock import FederationClock
-from federation.messages.codec import StreamSample, decode_range, decode_recovered, decode_samples
+from federation.messages.codec import MAX_TAILS, StreamSample, decode_range, decode_recovered, decode_samples
 from federation.sharing.exports import LINGER_US, ContractEnded, EndReason, Exports, StreamEnded
 from federation.sharing.streams import MISSING, RETRY_MOST_US, ExportStream, ImportStream
 from federation.transport import Answer, AnswerEnd, Ask, Asked, Put
@@ -325,6 +325,19 @@ def test_the_contracts_of_a_receiver_that_went_end_when_another_life_of_it_appea
         [("c1", EndReason.RECEIVERS)], [EndReason.RECEIVERS]
     )
     assert exports.receiver_appeared("0", 6, 5_000_000) == []
+
+
+def test_of_many_streams_each_comes_into_a_heartbeat_in_turn() -> None:
+    exports = Exports("1", 7)
+    names = set()
+    for number in range(3 * MAX_TAILS + 5):
+        policy = Policy(max_delay_us=number + 1)
+        stream, _ = exports.open(f"c{number}", LABEL, policy, ["0"])
+        stream.on_sample(sample(0))
+        names.add((LABEL, policy.content_hash(), 1))
+    beats = [exports.tails() for _ in range(5)]
+    assert all(len(beat) == MAX_TAILS for beat in beats)
+    assert {tail for beat in beats for tail in beat} == names
 
 
 def test_a_stream_without_receivers_ends() -> None:

@@ -1,0 +1,51 @@
+"""What each unit said last, read once for all members of a process: two entries a unit, and a limited number of bytes in all.
+
+Whoever sends ever other contents pushes out its own entries, and those who say nothing of late, never the newest of the
+others: what is not kept is only read again.
+"""
+
+from collections import OrderedDict
+from collections.abc import Callable
+from typing import Final, Generic, TypeVar
+
+KEPT: Final = 2
+"""Entries of a unit: while one content follows another, both arrive."""
+MOST_BYTES: Final = 1 << 20
+"""Of all entries of one cache, as they are sent; what is made of them takes several times more."""
+
+Said = TypeVar("Said")
+Made = TypeVar("Made")
+
+
+class Newest(Generic[Said, Made]):
+    """Calls `make` for what a unit says anew, and returns what it made of the same before.
+
+    Args:
+        size: bytes of an entry.
+        most_bytes: of all entries; those of the units that were heard longest ago go first.
+    """
+
+    def __init__(self, make: Callable[[Said], Made], size: Callable[[Said], int], most_bytes: int = MOST_BYTES) -> None:
+        self._make, self._size, self._most_bytes = make, size, most_bytes
+        self._entries: OrderedDict[str, tuple[tuple[Said, Made], ...]] = OrderedDict()
+        self.bytes = 0
+
+    def __len__(self) -> int:
+        """How many units have entries."""
+        return len(self._entries)
+
+    def __call__(self, unit: str, said: Said) -> Made:
+        """What `make` makes of it; raises what that raises."""
+        entries = self._entries.get(unit, ())
+        for known, made in entries:
+            if known is said or known == said:
+                return made
+        made = self._make(said)
+        kept = ((said, made), *entries[: KEPT - 1])
+        self.bytes += self._size(said) - sum(self._size(known) for known, _ in entries[KEPT - 1 :])
+        self._entries[unit] = kept
+        self._entries.move_to_end(unit)
+        while self.bytes > self._most_bytes and self._entries:
+            _, given_up = self._entries.popitem(last=False)
+            self.bytes -= sum(self._size(known) for known, _ in given_up)
+        return made
