@@ -11,7 +11,7 @@ quoted text = bin, `no_value` = nil.
 import re
 from collections.abc import Callable, Sequence
 from functools import lru_cache
-from typing import Any, Final, NamedTuple, TypeAlias
+from typing import Any, NamedTuple, TypeAlias
 
 from pydantic import ValidationError
 
@@ -25,10 +25,7 @@ from federation.messages.descriptions import Description
 from federation.messages.sexpr import MAX_DEPTH, MAX_INTEGER, MIN_INTEGER, Expr, ExprValue, QuotedText, is_name
 from federation.messages.unpacking import named, pack
 
-MAX_ACKS: Final = 256
-MAX_RIDERS, MAX_EVERY = 16, 16
-MAX_EVIDENCE: Final = 16_384
-"""Bytes of an act that another one carries as evidence: an area of 32 corners has about 1 300."""
+MAX_ACKS, MAX_RIDERS, MAX_EVERY = 256, 16, 16
 
 Signature: TypeAlias = bytes
 """Ed25519 over the body of an act, 64 bytes."""
@@ -207,15 +204,9 @@ def decode_act(payload: bytes) -> tuple[Act, Signature | None, bytes]:
         unpacking.count(seq),
         unpacking.count(created),
         acks,
-        _evidence(more[0]) if more else b"",
+        unpacking.evidence(more[0]) if more else b"",
     )
     return act, signature, body
-
-
-def _evidence(value: Any) -> bytes:
-    if type(value) is not bytes:
-        unpacking.fail("evidence")
-    return value if 0 < len(value) <= MAX_EVIDENCE else unpacking.fail("oversized")
 
 
 def _agent(value: Any) -> AgentName:
