@@ -27,8 +27,8 @@ ROLES: dict[str, Role] = {"0": "uav", "1": "uav", "2": "uav", "3": "uav", "cc": 
 UNITS = "0123"
 AREA = ("58.000 15.000", "58.000 15.030", "58.010 15.030", "58.010 15.000")
 FAR = contents.CommandEntry(name="goto", numbers=(58.0 + 1500 * METRE_DEG, 15.0, 45.0))
-STEPS = 600 if os.environ.get("DYKNOW_FULL") else 90
-SEEDS = 40 if os.environ.get("DYKNOW_FULL") else 4
+STEPS = 600 if os.environ.get("DYKNOW_FULL") else 40
+SEEDS = 40 if os.environ.get("DYKNOW_FULL") else 2
 
 
 def signer(unit: str) -> Signer:
