@@ -23,7 +23,7 @@ class Permits:
 
     Args:
         role_of: what a unit may ask for.
-        authority: knows the order of succession, and who is here.
+        authority: knows the order of succession, and which platforms are here.
     """
 
     def __init__(self, unit: str, role_of: Callable[[str], Role], authority: Authority) -> None:

@@ -3,7 +3,7 @@
 It asks each for its maximum speed, battery and position by semantic label, divides the area in proportion to speed and battery, in
 the order in which the platforms lie along it, and informs each of its piece; again whenever one comes or goes. When the
 leader is gone, the first in the order of `agents.tasks.authority` takes over. It leads until one before it is back in the same life,
-and divides again. What is told carries the act that delegated the division. Times are the node clock.
+and divides again. Its acts carry the one that delegated the division. Times are the node clock.
 """
 
 from collections.abc import Callable, Sequence

@@ -43,7 +43,7 @@ Answer = Callable[[str, int], None]
 
 @dataclass(slots=True)
 class _Joined:
-    """The mission that has the vehicle: for which life of whom, and what it does."""
+    """The mission that has the vehicle: in which life of its leader, and what it does."""
 
     mission: str
     leader: str

@@ -1,9 +1,9 @@
-"""By whose word a platform acts: the delegator's signed act travels with each task, and who may lead it follows from that act.
+"""By whose word a platform acts: the delegator's signed act travels with each task, and its order of succession follows from it.
 
-The delegate keeps the act as it arrived, and whatever it asks of others for the task carries it; so does what its successors ask.
-A receiver verifies it once: it is of the delegator, whose role allows it, names the task and its delegate, and says what is asked.
-The order of succession is one for monitors, divisions, scans and missions: the delegate, then the others by unit, or as a
-permit names them; a platform whose present life began after the delegation ranks after all that were there. One is obeyed when
+The delegate keeps the act as it arrived, and whatever it requests of others for the task carries it; so do the requests of its
+successors. A receiver verifies it once: it is of the delegator, whose role allows it, and names the task, its delegate and what is
+to be done. The order of succession is one for monitors, divisions, scans and missions: the delegate, then the others by unit, or as
+a permit names them; a platform whose present life began after the delegation ranks after all that were there. One is obeyed when
 all before it are gone here, and have been for half a second. What is over is not begun again. Times are the node clock.
 """
 
@@ -18,7 +18,6 @@ from dyknow.model.errors import ContentError, Refused
 from federation.members.directory import DirectoryEntry, DirectoryFacilitator, unit_order
 from federation.members.liveness import PeerState, PlatformAppeared, PlatformGone
 from federation.messages.acts import Act, Performative
-from federation.messages.codec import MAX_EVIDENCE
 from federation.messages.contents import (
     Content,
     DivideArea,
@@ -28,6 +27,7 @@ from federation.messages.contents import (
     When,
     read,
 )
+from federation.messages.unpacking import MAX_EVIDENCE
 
 WAIT_US: Final = 500_000
 """How long those before a successor must be gone here: honest ones wait a second or more, and may have seen it earlier."""
@@ -43,7 +43,7 @@ evidence that is older than its task can be is refused even then."""
 PROVEN: Final = 128
 """Pieces of evidence that are not verified again."""
 OVER_OF_ONE, DELEGATORS = 256, 64
-"""Tasks that are over, of one delegator, and delegators: nobody makes those of others forgotten."""
+"""Tasks that are over, of one delegator, and delegators: a member cannot make those of others forgotten."""
 
 Place: TypeAlias = tuple[int, int, tuple[int, int, str]]
 """In the order of succession: the first leads."""
@@ -149,7 +149,7 @@ class Authority(Part):
         except ContentError as wrong:
             raise Refused(f"the evidence is not understood: {wrong}"[:400], "unproven") from None
         if content is None:
-            raise Refused("the evidence says nothing", "unproven")
+            raise Refused("the evidence has no content", "unproven")
         found = _evidence(act, content, payload)
         if isinstance(content, PermitMission):
             return found
@@ -231,7 +231,7 @@ class Authority(Part):
         return found.task in self._over.get(found.delegator, ())
 
     def end(self, found: TaskEvidence, now_us: int, told: Iterable[str] = ()) -> None:
-        """A task is over, which these platforms are told; its evidence is worth nothing from now on."""
+        """A task is over, of which these platforms are notified; its evidence is worth nothing from now on."""
         for unit in told:
             if unit != self._unit and self._directory.is_present(unit):
                 self._agent.tell(unit, TaskOver(task=found.task), now_us, evidence=found.payload)

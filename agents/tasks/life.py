@@ -15,8 +15,8 @@ platforms is a `CoordinatedTask` as well, on each participant, by the conversati
 
 While a subtask is abandoned its streams and monitors continue as they are: a cut costs no sample, and an alarm stays
 the same alarm. A task is coordinated by its delegate, the platform it was delegated to, in generation 1, and after it by
-successors in the next generations. Who may be one, and when, `authority` decides by the delegator's act and by who is here; a
-participant follows the first of those. Times are the node clock.
+successors in the next generations. Which platform may be one, and when, follows from the delegator's act and from those that are here
+(`authority`); a participant follows the first of them. Times are the node clock.
 """
 
 from collections.abc import Callable, Iterable
@@ -63,7 +63,7 @@ class TaskLife(Part):
     Args:
         exports: what this platform exports, for whom.
         role_of: what a unit may ask for.
-        authority: who may coordinate a task.
+        authority: which platform may coordinate a task.
     """
 
     offers = (Offer(COORDINATION, (Action(Tasks, "on_tasks", QUERIED, Role.OBSERVER),)),)

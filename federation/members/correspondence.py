@@ -271,7 +271,7 @@ class Correspondence:
         return receipt
 
     def evidence(self, payload: bytes) -> Act:
-        """The act that another one carries, of the member that it names; when it was made is not asked.
+        """The act that another one carries, of the member that it names, whenever it was made.
 
         Raises:
             Refused: `unproven`: it is no act, or not that of its sender.

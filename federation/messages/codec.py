@@ -11,7 +11,7 @@ quoted text = bin, `no_value` = nil.
 import re
 from collections.abc import Callable, Sequence
 from functools import lru_cache
-from typing import Any, Final, NamedTuple, TypeAlias
+from typing import Any, NamedTuple, TypeAlias
 
 from pydantic import ValidationError
 
@@ -27,16 +27,13 @@ from federation.messages.newest import Newest
 from federation.messages.sexpr import MAX_COUNT, MAX_DEPTH, Expr, ExprValue, QuotedText, is_name
 from federation.messages.unpacking import named, pack
 
-MAX_ACKS: Final = 256
-MAX_RIDERS, MAX_EVERY = 16, 16
+MAX_ACKS, MAX_RIDERS, MAX_EVERY = 256, 16, 16
 SHORT: Final = 8192
 """Bytes of samples that are kept as they were read, in 256 messages at most."""
 MAX_TAILS: Final = 64
 """Streams whose newest numbers one heartbeat names; who exports more names them in turn."""
 MAX_BEAT: Final = 32_768
 """Bytes of a heartbeat: a thousand members that are heard, and the tails."""
-MAX_EVIDENCE: Final = 16_384
-"""Bytes of an act that another one carries as evidence: an area of 32 corners has about 1 300."""
 
 _BootTails: TypeAlias = tuple[int, tuple[tuple[str, str, int], ...]]
 
@@ -217,15 +214,9 @@ def decode_act(payload: bytes) -> tuple[Act, Signature | None, bytes]:
         unpacking.count(seq),
         unpacking.stamp(created),
         acks,
-        _evidence(more[0]) if more else b"",
+        unpacking.evidence(more[0]) if more else b"",
     )
     return act, signature, body
-
-
-def _evidence(value: Any) -> bytes:
-    if type(value) is not bytes:
-        unpacking.fail("evidence")
-    return value if 0 < len(value) <= MAX_EVIDENCE else unpacking.fail("oversized")
 
 
 def _agent(value: Any) -> AgentName:

@@ -180,6 +180,17 @@ def sampled(value: Any) -> Value:
     return _odd(value, 0)
 
 
+MAX_EVIDENCE: Final = 16_384
+"""Bytes of an act that another one carries as evidence: an area of 32 corners has about 1 300."""
+
+
+def evidence(value: Any) -> bytes:
+    """An act as bytes, not read yet."""
+    if type(value) is not bytes:
+        fail("evidence")
+    return value if 0 < len(value) <= MAX_EVIDENCE else fail("oversized")
+
+
 MAX_COMPONENTS: Final = 16
 """Components of a covariance at most."""
 

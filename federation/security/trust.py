@@ -292,7 +292,7 @@ class Verifier:
         return member is not None and not member.revoked and self._is_genuine(member.key, signature, signed)
 
     def doubt(self, act: Act, signature: Signature | None, body: bytes) -> Refusal | None:
-        """Why it is not the act of the member that it names, or None; when it was made, and how often it has come, is not asked."""
+        """Why it is not the act of the member that it names, or None; an old one, or one that was here before, is genuine, too."""
         if signature is None:
             return "unsigned"
         member = self.roster.member(act.sender.unit)

@@ -8,10 +8,9 @@ import shapely
 from agents.areas.assignment import AreaAssignment
 from agents.areas.division import AreaDivision
 from agents.effects import Fed
-from dyknow.model.errors import ContentError
-from federation.messages.acts import Performative
-from federation.messages.contents import AreaRing, AssignArea, DivideArea, Progress, Query, Samples, read
-from federation.messages.sexpr import Expr
+from federation.messages.acts import Act, AgentName, Performative
+from federation.messages.codec import encode_act
+from federation.messages.contents import AreaRing, AssignArea, DivideArea, Progress, Query, Samples
 from tests.box import Box, Question
 
 P = Performative
@@ -119,7 +118,7 @@ def test_only_those_with_the_sensor_take_part(wire):
     wire.run(1)
     wire.question("cc", "0", DivideArea(area=AREA, sensor="gas-level"))
     wire.run(2)
-    by_task = [each for each in wire.platform("0").part(AreaDivision).areas.values() if each.sensor]
+    by_task = [each for each in wire.platform("0").part(AreaDivision).areas.values() if each.content.sensor]
     assert list(by_task[0].pieces) == ["1"]
 
 
@@ -225,32 +224,53 @@ def test_of_two_successors_the_one_that_sorts_first_stays(wire):
 
 # Hostile
 
-WHOLE = ("58.40 15.60", "58.40 15.61", "58.41 15.61", "58.41 15.60")
 
-
-@pytest.mark.parametrize(
-    "whole", [None, (), WHOLE[:2], ("58.40 15.60", "58.41 15.61", "58.40 15.61", "58.41 15.60"), ("58 15",) * 3]
-)
-def test_an_assignment_whose_whole_is_no_polygon_is_not_understood(whole):
-    said = {"task": "3-x.3", "generation": 1} | ({} if whole is None else {"whole": whole})
-    with pytest.raises(ContentError, match=r"assign-area|whole"):
-        read(Expr("assign-area", said))
+def assigned_by(wire: Box, sender: str, to: str, task: str, evidence: bytes, generation: int = 99) -> None:
+    ring = AreaRing(corners=("1 1", "1 2", "2 2"))
+    forged = AssignArea(task=task, generation=generation, rings=(ring,), share=1.0)
+    wire.speak(sender, lambda member, now_us: member.acts.tell(to, forged, now_us, evidence=evidence))
+    wire.run(0.2)
 
 
 def test_an_assignment_by_another_than_the_leader_is_refused_and_counted(wire):
     asked = fleet(wire, 0.8, 0.8, 0.8)
     wire.run(2)
+    before, evidence = pieces(wire), wire.evidence(asked.conversation)
+    assigned_by(wire, "cc", "1", asked.conversation, b"")
+    assigned_by(wire, "2", "1", asked.conversation, b"")
+    assert wire.platform("1").part(AreaAssignment).refused == {"unproven": 2}
+    assigned_by(wire, "2", "1", asked.conversation, evidence)
+    assert pieces(wire) == before, "nor by one that would be its successor, while others are there"
+    assert wire.platform("1").part(AreaAssignment).refused == {"unproven": 2, "succession": 1}
+
+
+def test_a_division_that_nobody_else_asked_for_is_refused(wire):
+    fleet(wire, 0.8, 0.8, 0.8)
+    wire.run(2)
     before = pieces(wire)
-    forged = AssignArea(
-        task=asked.conversation, generation=99, rings=(AreaRing(corners=WHOLE[:3]),), share=1.0, whole=WHOLE
-    )
-    wire.speak("cc", lambda member, now_us: member.acts.tell("1", forged, now_us))
-    wire.run(0.5)
-    assert pieces(wire) == before
-    assert wire.platform("1").part(AreaAssignment).refused == {"not its task": 1}
-    wire.speak("2", lambda member, now_us: member.acts.tell("1", forged, now_us))
-    wire.run(0.5)
-    assert pieces(wire) == before, "nor by one that would be its successor, while it is there"
+    name = wire.question("2", "0", DivideArea(area=AREA)).conversation.rpartition(".")[0]
+    wire.run(2)
+    own = Act(
+        P.REQUEST, AgentName("interface", "2"), AgentName("interface", "2"), DivideArea(area=AREA).expr(),
+        f"{name}9.2", created_us=wire.now_us,
+    )  # fmt: skip
+    for task, evidence in ((f"{name}9.2", encode_act(own)), (f"{name}9.2", b""), (f"{name}9.0", encode_act(own))):
+        assigned_by(wire, "2", "1", task, evidence)
+    assert f"{name}9.2" not in wire.platform("1").part(AreaAssignment).known
+    assert wire.platform("1").part(AreaAssignment).refused == {"unproven": 3}
+    assert len(wire.platform("1").part(AreaAssignment).pieces) == 1 + len(before) // len(before)
+
+
+def test_what_is_over_is_not_begun_again_by_its_evidence(wire):
+    asked = fleet(wire, 0.8, 0.8, 0.8)
+    wire.run(2)
+    evidence = wire.evidence(asked.conversation)
+    wire.cancel("cc", "0", asked.conversation)
+    wire.run(1)
+    assert pieces(wire) == {}
+    assigned_by(wire, "0", "1", asked.conversation, evidence)
+    assert pieces(wire) == {}
+    assert wire.platform("1").part(AreaAssignment).refused == {"cancelled": 1}
 
 
 def test_an_earlier_division_does_not_take_the_place_of_a_later_one(wire):
@@ -258,7 +278,7 @@ def test_an_earlier_division_does_not_take_the_place_of_a_later_one(wire):
     wire.run(2)
     assignment = wire.platform("1").part(AreaAssignment)
     [(task, piece)] = assignment.pieces.items()
-    assignment.assign("0", 1, AssignArea(task=task, generation=0, whole=WHOLE), wire.now_us)
+    assignment.assign("0", 1, AssignArea(task=task, generation=0), piece.evidence, wire.now_us)
     assert assignment.pieces[task] is piece
     assert assignment.refused == {"superseded": 1}
 

@@ -5,7 +5,7 @@ import os
 import pytest
 
 from agents.areas.scanning import Scanning
-from federation.messages.contents import PermitMission
+from federation.messages.contents import DivideArea
 from tests.agents.rosters import trust
 from tests.agents.saliency.rescuing import Rescue
 
@@ -59,25 +59,18 @@ def test_what_a_killed_platform_has_not_seen_the_other_flies_over(killed):
     assert any(note == "scan: 100% of this platform's piece was in view for 5 s" for note in rescue.notes(left))
 
 
-def test_with_a_roster_vehicles_fly_for_a_leader_that_a_command_centre_has_permitted():
+def test_with_a_roster_vehicles_scan_what_a_command_centre_has_asked_for_and_nothing_else():
     rescue = Rescue(3, image_us=200_000, trust=trust)
     world = rescue.world
     world.run_for(2.0)
-    asked = rescue.scan()
+    by_another = world.ask("1", "0", DivideArea(area=rescue.area, scan_m=45.0))
     world.run_for(4.0)
-
-    def conditions() -> list[str]:
-        return [each.text for unit in "01" for each in world.platform(unit).part(Scanning).conditions()]
-
-    assert [each.partition(":")[0] for each in conditions()] == ["scan", "scan"]
-    assert all("a command centre has not permitted it (permit-mission)" in each for each in conditions())
-    permit = PermitMission(mission=asked.conversation, leaders=("0", "1"))
-    by_another = world.ask("1", "0", permit)
-    world.run_for(2.0)
     assert by_another.refusal is not None
+    assert by_another.refusal[1] is not None
+    assert by_another.refusal[1].code == "role"
     assert not rescue.vehicles[0].orders
-    for unit in "01":
-        world.ask("cc", unit, permit)
-    world.run_for(3.0)
-    assert all(each.endswith("of the area was in view for 5 s") for each in conditions())
+    rescue.scan()
+    world.run_for(5.0)
+    conditions = [each.text for unit in "01" for each in world.platform(unit).part(Scanning).conditions()]
+    assert all(each.endswith("of the area was in view for 5 s") for each in conditions), conditions
     assert all(vehicle.orders for vehicle in rescue.vehicles)

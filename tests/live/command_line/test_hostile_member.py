@@ -12,7 +12,20 @@ import zenoh
 from federation import keys
 from federation.messages.acts import Act, AgentName, Performative
 from federation.messages.codec import Heartbeat, decode_act, encode_act, encode_description, encode_heartbeat
-from federation.messages.contents import Alarm, Cancel, Content, CreateMonitor, Goto, HandOver, Hold
+from federation.messages.contents import (
+    Alarm,
+    AreaRing,
+    AssignArea,
+    Cancel,
+    CommandEntry,
+    Content,
+    CreateMonitor,
+    Goto,
+    HandOver,
+    Hold,
+    JoinMission,
+    PerformCommands,
+)
 from federation.messages.descriptions import Description, ServiceEntry
 from federation.security.trust import Roster, Signer
 from proxies.zenoh.configuration import zenoh_config
@@ -66,13 +79,15 @@ class Member:
         )
         self.session.put(keys.announcement("3"), encode_description(said))
 
-    def say(self, to: str, performative: Performative, content: Content, conversation: str) -> None:
+    def say(
+        self, to: str, performative: Performative, content: Content, conversation: str, evidence: bytes = b""
+    ) -> None:
         self._seq += 1
         now_us = self.now_us()
         act = Act(
             performative, AgentName("interface", "3"), AgentName("interface", to), content.expr(), conversation,
             "fipa-request", reply_with=f"r{self._seq}", reply_by_us=now_us + 2_000_000, ontology="dyknow",
-            boot=self.boot, seq=self._seq, created_us=now_us,
+            boot=self.boot, seq=self._seq, created_us=now_us, evidence=evidence,
         )  # fmt: skip
         self.session.put(act.key, encode_act(act, self._signer))
 
@@ -138,7 +153,7 @@ def test_a_member_with_a_valid_key_ends_halts_and_moves_nothing(secured: tuple[D
         performatives = {performative for performative, _ in answers[conversation]}
         assert performatives == {"refuse"}, (conversation, answers[conversation])
         codes = {code for _, code in answers[conversation]}
-        assert codes == ({"role"} if "fly" in conversation else {"led-by"})
+        assert codes == ({"role"} if "fly" in conversation else {"unproven"})
     for conversation, to in asked.items():
         member.say(to, P.CANCEL, Cancel(), conversation)
     for boot, speed in ((1, 2.0), (member.boot, 2.0)):
@@ -156,7 +171,7 @@ def test_a_member_with_a_valid_key_ends_halts_and_moves_nothing(secured: tuple[D
     assert [(each["state"], each["conversation"]) for each in dyknow.run("tasks")] == [("running", task)]
     refused = [each for each in dyknow.run("acts") if each["peer"] == 3 and each["outcome"].startswith("refused")]
     assert {each["unit"] for each in refused} == {0, 1, 2}
-    assert any("led by 0" in each["outcome"] for each in refused)
+    assert any("shows no act of a delegator" in each["outcome"] for each in refused)
     after = places(dyknow)
     for unit in (0, 1, 2):
         moved = [abs(after[unit][name] - before[unit][name]) for name in ("latitude_deg", "longitude_deg")]
@@ -165,3 +180,54 @@ def test_a_member_with_a_valid_key_ends_halts_and_moves_nothing(secured: tuple[D
     records = dyknow.directory / "dyknow" / dyknow.federation / "units"
     assert not any('"halted"' in path.read_text() for path in records.glob("*.out"))
     assert sorted(dyknow.run("down")[0]["units"]) == [0, 1, 2]
+
+
+AREA = ("55.7270 13.4590", "55.7270 13.4610", "55.7280 13.4610", "55.7280 13.4590")
+
+
+def test_a_member_that_is_shown_the_evidence_takes_no_aircraft_and_ends_no_division(
+    secured: tuple[Dyknow, Member, str], tmp_path: Path
+) -> None:
+    """It takes part in a division, so that it has the command centre's act; it would lead it, and fly the vehicles for it."""
+    dyknow, member, _ = secured
+    area = tmp_path / "field.geojson"
+    ring = [[float(x) for x in reversed(corner.split())] for corner in (*AREA, AREA[0])]
+    area.write_text(json.dumps({"type": "Polygon", "coordinates": [ring]}))
+    before = places(dyknow)
+    for _ in range(10):
+        member.beat(member.boot)
+    (agreed, *_) = dyknow.run("delegate", "divide-area", f"area={area}", "--to", "0")
+    task, until = agreed["conversation"], time.monotonic() + 20.0
+    shown: list[Act] = []
+    while not shown:
+        assert time.monotonic() < until, "no piece, and so no evidence, came"
+        member.beat(member.boot)
+        shown = [act for act in member.heard if act.evidence and decode_act(act.evidence)[0].conversation_id == task]
+        time.sleep(0.2)
+    evidence, asked = shown[0].evidence, set()
+    commands = (
+        CommandEntry(name="take-off", numbers=(20.0,)),
+        CommandEntry(name="goto", numbers=(55.7275, 13.46, 118.0)),
+    )
+    for to in UNITS:
+        for number, proof in enumerate((evidence, b"")):
+            rings = (AreaRing(corners=AREA[:3]),)
+            for name in (task, "3-x.3"):
+                member.say(to, P.INFORM, AssignArea(task=name, generation=99, rings=rings), name, proof)
+            member.say(to, P.REQUEST, JoinMission(mission=task), f"3-join-{to}-{number}", proof)
+            asked.add(f"3-join-{to}-{number}")
+        fly = PerformCommands(mission=task, step=1, action="scans 50% of it", commands=commands)
+        member.say(to, P.REQUEST, fly, f"3-fly-{to}")
+        asked.add(f"3-fly-{to}")
+    answers = member.answered(asked)
+    for conversation in asked:
+        assert {performative for performative, _ in answers[conversation]} == {"refuse"}, conversation
+    refused = [each for each in dyknow.run("acts") if each["peer"] == 3 and each["outcome"].startswith("refused")]
+    assert {each["unit"] for each in refused} == {0, 1, 2}, "the operator sees by whom"
+    after = places(dyknow)
+    for unit in (0, 1, 2):
+        moved = [abs(after[unit][name] - before[unit][name]) for name in ("latitude_deg", "longitude_deg")]
+        assert max(moved) * METRE_DEG < MOVED_M
+        assert abs(after[unit]["altitude_m"] - before[unit]["altitude_m"]) < MOVED_M
+    assert {(each["unit"], each["task"]) for each in dyknow.run("tasks")} >= {(0, "divide-area")}
+    dyknow.run("down")
