@@ -12,8 +12,8 @@ import pytest
 from agents.exchange.import_proxy import STREAMS_OF_ONE, ImportProxy
 from federation import keys
 from federation.messages.acts import Act, AgentName, Performative
+from federation.messages.beats import MAX_TAILS
 from federation.messages.codec import (
-    MAX_TAILS,
     Heartbeat,
     StreamSample,
     encode_act,

@@ -17,8 +17,8 @@ import pytest
 import dyknow as facade
 from federation import keys
 from federation.messages.acts import Performative
+from federation.messages.beats import MAX_TAILS
 from federation.messages.codec import (
-    MAX_TAILS,
     Heartbeat,
     StreamSample,
     encode_description,
