@@ -26,7 +26,7 @@ from federation.messages.codec import (
     encode_samples,
 )
 from federation.messages.contents import Alarm, CheckFormula, Search
-from federation.messages.descriptions import Description, LabelEntry
+from federation.messages.descriptions import Description, LabelEntry, ServiceEntry
 from runtime.configuration.run_directory import STATE_FILE
 from tests.live.command_line import test_hostile_member
 from tests.live.command_line.command import Dyknow
@@ -50,13 +50,13 @@ def notes_of(dyknow: Dyknow) -> str:
 
 
 @contextmanager
-def beating(beat: Callable[[], None]) -> Iterator[None]:
-    """Five heartbeats a second while the test does something else."""
+def repeated(step: Callable[[], None], every_s: float = 0.2) -> Iterator[None]:
+    """Do it again and again, five times a second as heartbeats come, while the test does something else."""
     is_over = threading.Event()
 
     def run() -> None:
-        while not is_over.wait(0.2):
-            beat()
+        while not is_over.wait(every_s):
+            step()
 
     thread = threading.Thread(target=run)
     thread.start()
@@ -71,7 +71,7 @@ def test_a_member_that_says_it_hears_nobody_closes_no_session_and_is_named(secur
     dyknow, member, _ = secured
     until, conditions = time.monotonic() + 60, ""
     named = "3 says that it does not hear this platform"
-    with beating(lambda: member.beat(member.boot)):
+    with repeated(lambda: member.beat(member.boot)):
         while time.monotonic() < until and conditions.count(named) < 3:
             conditions = json.dumps(dyknow.run("ls"))
     assert conditions.count(named) == 3
@@ -84,6 +84,7 @@ class Flood:
 
     def __init__(self, member: Member, task: str) -> None:
         self.member, self.task, self.random, self.number = member, task, Random(23), 0
+        self.version, self.labels_there = 1, 2
 
     def word(self) -> str:
         return "".join(self.random.choices(WORDS, k=12))
@@ -93,6 +94,11 @@ class Flood:
         member._beats += 1
         beat = Heartbeat("3", member.boot, member._beats, member.now_us(), version, ("0", "1", "2", "cc"), tails)
         member.session.put(keys.heartbeat("3"), encode_heartbeat(beat))
+
+    def live(self) -> None:
+        """Be there, and described."""
+        self.beat(version=self.version)
+        self.describe()
 
     def acts(self) -> None:
         self.member.say(self.random.choice("012"), P.QUERY_REF, Search(service=self.word()), f"3-s{self.number}")
@@ -114,16 +120,26 @@ class Flood:
         self.member.say("0", P.INFORM, made_up, self.task)
 
     def heartbeats(self) -> None:
-        self.beat(tuple((f"{self.word()}-{number}", "ab12cd34", number) for number in range(MAX_TAILS)))
+        self.beat(tuple((f"{self.word()}-{number}", "ab12cd34", number) for number in range(MAX_TAILS)), self.version)
 
-    def descriptions(self) -> None:
-        labels = tuple(LabelEntry(label=f"{self.word()}-{n}", sort="x", type_hash="0" * 8) for n in range(250))
-        version = self.number + 2
-        self.beat(version=version)
+    def describe(self) -> None:
+        labels = tuple(
+            LabelEntry(label=f"{self.word()}-{n}", sort="x", type_hash="0" * 8) for n in range(self.labels_there)
+        )
         said = Description(
-            unit="3", boot=self.member.boot, version=version, kind="uav", roster=self.member.roster, labels=labels
+            unit="3",
+            boot=self.member.boot,
+            version=self.version,
+            kind="uav",
+            roster=self.member.roster,
+            labels=labels,
+            services=(ServiceEntry(agent="federation", service="dyknow-federation", visibility="protected"),),
         )
         self.member.session.put(keys.announcement("3"), encode_description(said))
+
+    def descriptions(self) -> None:
+        self.version, self.labels_there = self.version + 1, 250
+        self.live()
 
     def labels(self) -> None:
         samples = [StreamSample(number + 1, self.member.now_us(), 1.0) for number in range(100)]
@@ -154,21 +170,22 @@ def test_floods_by_a_member_cost_no_memory_and_the_others_are_answered(
         def latencies(send: Callable[[], None] | None, seconds: float) -> list[float]:
             took: list[float] = []
             until = time.monotonic() + seconds
-            ask_at = 0.0
-            while (now := time.monotonic()) < until:
+
+            def once() -> None:
                 if send is not None:
                     flood.number += 1
                     send()
-                    time.sleep(0.005)
-                if now >= ask_at:
+
+            with repeated(once, 0.003):
+                while time.monotonic() < until:
                     began = time.monotonic()
                     found = federation.query("heli-position", unit=0)
                     took.append(time.monotonic() - began)
-                    assert found, figures
-                    ask_at = now + 0.1
+                    assert not found.missing, (found.missing, figures)
+                    time.sleep(0.02)
             return took
 
-        with beating(flood.beat):
+        with repeated(flood.live):
             quiet = latencies(None, FULL_S)
             figures["quiet"] = {"median_s": median(quiet), "p99_s": quantile(quiet, 0.99), "rss_mb": rss_mb()}
             before = rss_mb()
