@@ -9,7 +9,7 @@ from typing import Final
 from agents.actions import FEDERATION, QUERIED, SUBSCRIBED, Action, Offer, Role
 from agents.admission.message_log import ACCOUNT
 from agents.containment import Containment
-from agents.directory.doubts import PeerDoubts
+from agents.directory.peer_conditions import PeerConditions
 from agents.effects import Effect, Halt, Impaired, LeaveRequested
 from agents.interface import InterfaceAgent
 from agents.part import ClockCompared, Followed, Part, PeerChange
@@ -101,7 +101,7 @@ class DirectoryAgent(Part):
         self._member, self._emit, self._note = member, emit, note
         self._noted: set[str] = set()
         self._impaired: dict[str, int] = {}
-        self._doubts = PeerDoubts(member)
+        self._peer_conditions = PeerConditions(member)
         self._subscribers = Subscribers(agent, tasks)
         self._members: tuple[str, ...] | None = None
         self._missing: dict[str, int] = {}
@@ -126,7 +126,7 @@ class DirectoryAgent(Part):
 
     def conditions(self) -> Sequence[ConditionEntry]:
         own = [ConditionEntry(text=text, since_us=at_us) for text, at_us in self._impaired.items()]
-        return [*own, *self._doubts.conditions()]
+        return [*own, *self._peer_conditions.conditions()]
 
     def on_impaired(self, event: Impaired, now_us: int) -> Followed:
         """Something of the process failed, for the rest of its life."""
@@ -223,8 +223,8 @@ class DirectoryAgent(Part):
         """Judge the silent, ask for what is not known, put again what is not acknowledged, beat."""
         for step in self._member.steps:
             self._contain.step(self, step, now_us)
-        if self._doubts.look():
-            for condition in self._doubts.conditions():
+        if self._peer_conditions.look():
+            for condition in self._peer_conditions.conditions():
                 self._note_once(condition.text)
             self.offer(now_us)
 
@@ -259,9 +259,9 @@ class DirectoryAgent(Part):
         """Inform the subscribers, and remember which platform is missing."""
         self._on_own(change, now_us)
         if isinstance(change, ClockCompared):
-            self._doubts.on_clock(change.unit, now_us)
+            self._peer_conditions.on_clock(change.unit, now_us)
         elif isinstance(change, liveness.PlatformGone):
-            self._doubts.on_gone(change.unit)
+            self._peer_conditions.on_gone(change.unit)
         self._note_missing(change)
         if isinstance(change, ServiceAppeared) and change.service.service == DIRECTORY.service:
             self._ask_missing(change.unit, now_us)

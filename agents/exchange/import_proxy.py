@@ -121,7 +121,7 @@ class ImportProxy(Part):
         return False
 
     def conditions(self) -> Iterable[ConditionEntry]:
-        """Of which owners streams are refused: what is asked of those stays unknown."""
+        """Owners whose streams are refused: what needs them stays unknown."""
         for owner, since_us in list(self._crowded.items())[:MOST_SHOWN]:
             text = f"{owner} announces more than {STREAMS_OF_ONE} streams: further ones are refused, what needs them stays unknown"
             yield ConditionEntry(text=text, since_us=max(0, since_us))

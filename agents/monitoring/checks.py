@@ -146,7 +146,7 @@ class Checks(Part):
         self._set_due(act, content.timeout_s, now_us)
 
     def _read(self, act: Act, text: str, then: Callable[[Formula, int], None], now_us: int) -> None:
-        """Read a formula, a long one in a worker, and go on with it; raises what is wrong with it, or answers that later."""
+        """Read a formula, a long one in a worker, and then do the rest; raises what is wrong with it, or answers that later."""
         conversation = act.conversation_id or ""
 
         def go_on(reading: FormulaReading, at_us: int) -> None:

@@ -1,7 +1,7 @@
 """Alarms as participants report them to their coordinator: which of them does another of their units see as well?
 
 Both platforms of a pair watch it, so that an alarm that one of them alone reports for a second is the word of that one.
-Of one participant and monitor a limited number is passed on; how many were left out is told. Times are the node clock.
+Of one participant and monitor a limited number is passed on; the number left out is reported. Times are the node clock.
 """
 
 from collections.abc import Iterable
@@ -17,7 +17,7 @@ KEPT = 512
 PER_S, BURST = 0.5, 20.0
 """Alarms that a participant may open with one monitor: as many as it can have neighbours, and then one in 2 s."""
 TOLD_US = 5_000_000
-"""How often it is told how many were left out."""
+"""How often the number left out is reported."""
 
 _Key = tuple[str, str, frozenset[str]]
 
@@ -74,7 +74,7 @@ class ReportedAlarms:
         return True
 
     def left_out(self, now_us: int) -> list[LeftOut]:
-        """What was left out since the last time, if it is time to tell."""
+        """The number left out since the last report, if one is due."""
         if not self._left_out or now_us < self._tell_us:
             return []
         self._told_us = now_us

@@ -15,7 +15,7 @@ the two do not reopen in step:
   after it resumes most links are not back: the peer does not hear us, we do not hear it, or its token is missing;
 * we no longer hear any peer: after 4 s if there are tokens of peers, else after 6 s.
 
-One peer's word against that of the others moves nobody: it is shown (`contradicted`). That its token is missing is a
+One peer's word against that of the others is no reason: it is shown (`contradicted`). That its token is missing is a
 reason of one peer alone: each platform waits as long as its name says, so that not all act at once, and not again over
 that peer for ten minutes.
 
@@ -40,7 +40,7 @@ BACKUP_US = 7_000_000
 ASTRAY_US, ASTRAY_SPREAD_US = 2_000_000, 4_000_000
 ASTRAY_AGAIN_US = 600_000_000
 SHOWN_US = 10_000_000
-"""What one peer says against the others is shown when it has said so for so long."""
+"""What one peer says against the others is shown when it has done so for so long."""
 CONTRADICTED = 8
 STOOD_US = 1_300_000
 """So much later than planned is a look after a halt of a lease, 2 s, less the pause between two heartbeats."""
@@ -59,7 +59,7 @@ PATIENT = 3
 
 
 class Contradicted(NamedTuple):
-    """What `unit` alone says of who hears whom, against the others, and since when."""
+    """What `unit` alone says of hearing, against the others, and since when."""
 
     unit: str
     text: str
@@ -196,7 +196,7 @@ class DeafnessWatchdog:
     def _contradict(
         self, peers: Mapping[str, Peer], witnesses: Counter[str], heard: set[str], hearing_us: set[str], now_us: int
     ) -> None:
-        """Note who alone among three or more says that it does not hear us, or that it hears a platform."""
+        """Note which one among three or more says that it does not hear us, or that it hears a platform."""
         alone: dict[tuple[str, str], str] = {}
         if len(deaf := heard - hearing_us) == 1 and len(heard) > 1:
             (unit,) = deaf

@@ -112,7 +112,7 @@ class DirectoryFacilitator:
 
     @property
     def contradicted(self) -> tuple[Contradicted, ...]:
-        """What single platforms say of who hears whom, against the others."""
+        """What single platforms say of hearing, against the others."""
         return self._watchdog.contradicted
 
     # Own entry

@@ -22,20 +22,14 @@ from dyknow.model.values import NO_VALUE
 from federation import keys
 from federation.messages import unpacking
 from federation.messages.acts import PERFORMATIVES, Act, AgentName
+from federation.messages.beats import MAX_BEAT, heard_of, tails_of
 from federation.messages.descriptions import Description
-from federation.messages.newest import Newest
 from federation.messages.sexpr import MAX_COUNT, MAX_DEPTH, Expr, ExprValue, QuotedText, is_name
 from federation.messages.unpacking import named, pack
 
 MAX_ACKS, MAX_RIDERS, MAX_EVERY = 256, 16, 16
-SHORT: Final = 8192
+SHORT = 8192
 """Bytes of samples that are kept as they were read, in 256 messages at most."""
-MAX_TAILS: Final = 64
-"""Streams whose newest numbers one heartbeat names; who exports more names them in turn."""
-MAX_BEAT: Final = 32_768
-"""Bytes of a heartbeat: a thousand members that are heard, and the tails."""
-
-_BootTails: TypeAlias = tuple[int, tuple[tuple[str, str, int], ...]]
 
 Signature: TypeAlias = bytes
 """Ed25519 over the body of an act, 64 bytes."""
@@ -391,34 +385,9 @@ def decode_heartbeat(payload: bytes) -> Heartbeat:
     if len(payload) > MAX_BEAT:
         unpacking.fail("oversized", f"{len(payload)} bytes")
     unit, boot, seq, wall_us, description, hears, tails = unpacking.array(payload, 7)
-    if not all(type(name) is str for name in unpacking.items(hears)):
-        unpacking.fail("name")
-    for tail in unpacking.items(tails, MAX_TAILS):
-        unpacking.fields(tail, 3)
-        if type(tail[0]) is not str or type(tail[1]) is not str:
-            unpacking.fail("name")
-        unpacking.count(tail[2])
     unit = named(keys.unit, unit)
     numbers = unpacking.count(boot), unpacking.count(seq), unpacking.stamp(wall_us), unpacking.count(description)
-    return Heartbeat(unit, *numbers, _heard(unit, hears), _tails(unit, (boot, tails))[1])
-
-
-def _checked_units(units: tuple[str, ...]) -> tuple[str, ...]:
-    for name in units:
-        named(keys.unit, name)
-    return units
-
-
-def _checked_tails(tails: _BootTails) -> _BootTails:
-    """Those of another life are another object."""
-    for label, policy_hash, _ in tails[1]:
-        named(keys.label, label)
-        unpacking.digest(policy_hash)
-    return tails
-
-
-_heard = Newest(_checked_units, lambda units: 64 + sum(map(len, units)))
-_tails = Newest(_checked_tails, lambda tails: 64 * (1 + len(tails[1])))
+    return Heartbeat(unit, *numbers, heard_of(unit, hears), tails_of(unit, boot, tails))
 
 
 def encode_description(description: Description) -> bytes:

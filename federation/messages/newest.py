@@ -1,7 +1,7 @@
-"""What each unit said last, read once for all members of a process: two entries a unit, and a limited number of bytes in all.
+"""The last contents of each unit, read once for all members of a process: two entries a unit, and a limited number of bytes in all.
 
-Whoever sends ever other contents pushes out its own entries, and those who say nothing of late, never the newest of the
-others: what is not kept is only read again.
+A unit that sends ever other contents pushes out its own entries and those of units that were silent of late; what is not
+kept is only read again.
 """
 
 from collections import OrderedDict
@@ -18,7 +18,7 @@ Made = TypeVar("Made")
 
 
 class Newest(Generic[Said, Made]):
-    """Calls `make` for what a unit says anew, and returns what it made of the same before.
+    """Calls `make` for what is new of a unit, and returns what it made of the same before.
 
     Args:
         size: bytes of an entry.

@@ -8,7 +8,8 @@ from typing import NamedTuple, TypeAlias
 
 from dyknow.model.errors import DecodeError, Refused
 from dyknow.policies.policy import Policy
-from federation.messages.codec import MAX_TAILS, Recovered, decode_range, encode_recovered
+from federation.messages.beats import MAX_TAILS
+from federation.messages.codec import Recovered, decode_range, encode_recovered
 from federation.sharing.streams import RING, ExportStream
 from federation.transport import Answer, AnswerEnd, Asked
 

@@ -5,8 +5,8 @@ import tracemalloc
 import pytest
 
 from dyknow.model.errors import DecodeError
+from federation.messages.beats import MAX_TAILS
 from federation.messages.codec import (
-    MAX_TAILS,
     SHORT,
     Heartbeat,
     StreamSample,

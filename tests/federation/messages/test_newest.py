@@ -6,8 +6,9 @@ import pytest
 
 from dyknow.model.errors import DecodeError
 from federation.members import member, replicas
-from federation.messages import codec
-from federation.messages.codec import MAX_TAILS, Heartbeat, decode_heartbeat, encode_description, encode_heartbeat
+from federation.messages import beats
+from federation.messages.beats import MAX_TAILS
+from federation.messages.codec import Heartbeat, decode_heartbeat, encode_description, encode_heartbeat
 from federation.messages.descriptions import Description, LabelEntry
 from federation.messages.newest import KEPT, Newest
 
@@ -51,7 +52,7 @@ def test_a_flood_of_heartbeats_and_descriptions_is_kept_within_its_bytes() -> No
         replicas._described(
             unit, encode_description(Description(unit=unit, boot=1, version=number, kind="uav", labels=labels))
         )
-    for cache in (member._beats, codec._tails, codec._heard, replicas._described):
+    for cache in (member._beats, beats._tails, beats._heard, replicas._described):
         assert 0 < cache.bytes <= 1 << 20
 
 

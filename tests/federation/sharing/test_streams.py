@@ -13,7 +13,8 @@ from dyknow.model.errors import Refused
 from dyknow.model.sample import Sample
 from dyknow.policies.policy import Policy
 from federation.members.clock import FederationClock
-from federation.messages.codec import MAX_TAILS, StreamSample, decode_range, decode_recovered, decode_samples
+from federation.messages.beats import MAX_TAILS
+from federation.messages.codec import StreamSample, decode_range, decode_recovered, decode_samples
 from federation.sharing.exports import LINGER_US, ContractEnded, EndReason, Exports, StreamEnded
 from federation.sharing.streams import MISSING, RETRY_MOST_US, ExportStream, ImportStream
 from federation.transport import Answer, AnswerEnd, Ask, Asked, Put
@@ -293,6 +294,16 @@ def test_contracts_for_one_label_and_policy_share_one_stream() -> None:
     assert Ends.of(exports.stop("c2", 0)) == Ends([("c2", EndReason.STOPPED)], [EndReason.STOPPED])
     assert exports.stop("c2", 0) == [], "ending is said once"
     assert exports.stream(LABEL, EVERY_100.content_hash()) is None
+
+
+def test_of_many_streams_each_is_named_by_some_heartbeat_soon() -> None:
+    exports = Exports("1", 7)
+    for number in range(150):
+        stream, _ = exports.open(f"c{number}", f"label-{number}", EVERY_100, ["0"])
+        stream.on_sample(sample(0))
+    beats = [exports.tails() for _ in range(4)]
+    assert {len(tails) for tails in beats} == {MAX_TAILS}
+    assert {label for tails in beats for label, _, _ in tails} == {f"label-{number}" for number in range(150)}
 
 
 def test_a_stream_ends_when_the_last_late_sample_would_be_too_late() -> None:

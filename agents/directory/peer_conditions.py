@@ -13,7 +13,7 @@ MOST = 8
 """Peers whose clocks are shown."""
 
 
-class PeerDoubts:
+class PeerConditions:
     """The conditions about peers, kept up to date by `look`."""
 
     def __init__(self, member: Member) -> None:

@@ -1,0 +1,211 @@
+"""A member with a valid key and certificate that lies about hearing, or floods: sessions stay, answers and monitors go on."""
+
+import json
+import os
+import threading
+import time
+from collections.abc import Callable, Iterator
+from contextlib import contextmanager
+from pathlib import Path
+from random import Random
+from statistics import median
+from typing import Any
+
+import psutil
+import pytest
+
+import dyknow as facade
+from federation import keys
+from federation.messages.acts import Performative
+from federation.messages.beats import MAX_TAILS
+from federation.messages.codec import (
+    Heartbeat,
+    StreamSample,
+    encode_description,
+    encode_heartbeat,
+    encode_samples,
+)
+from federation.messages.contents import Alarm, CheckFormula, Search
+from federation.messages.descriptions import Description, LabelEntry, ServiceEntry
+from runtime.configuration.run_directory import STATE_FILE
+from tests.live.command_line import test_hostile_member
+from tests.live.command_line.command import Dyknow
+from tests.live.command_line.test_hostile_member import Member
+
+pytestmark = pytest.mark.live
+P = Performative
+secured = test_hostile_member.secured
+FULL_S, MOST_MB = 10.0, 50
+WORDS = "abcdefghijkl"
+
+
+def state_of(dyknow: Dyknow) -> dict[str, Any]:
+    found: dict[str, Any] = json.loads((dyknow.directory / "dyknow" / dyknow.federation / STATE_FILE).read_text())
+    return found
+
+
+def notes_of(dyknow: Dyknow) -> str:
+    units = dyknow.directory / "dyknow" / dyknow.federation / "units"
+    return "\n".join(path.read_text() for path in units.glob("*.out"))
+
+
+@contextmanager
+def repeated(step: Callable[[], None], every_s: float = 0.2) -> Iterator[None]:
+    """Do it again and again, five times a second as heartbeats come, while the test does something else."""
+    is_over = threading.Event()
+
+    def run() -> None:
+        while not is_over.wait(every_s):
+            step()
+
+    thread = threading.Thread(target=run)
+    thread.start()
+    try:
+        yield
+    finally:
+        is_over.set()
+        thread.join()
+
+
+def test_a_member_that_says_it_hears_nobody_closes_no_session_and_is_named(secured: tuple[Dyknow, Member, str]) -> None:
+    dyknow, member, _ = secured
+    until, conditions = time.monotonic() + 60, ""
+    named = "3 says that it does not hear this platform"
+    with repeated(lambda: member.beat(member.boot)):
+        while time.monotonic() < until and conditions.count(named) < 3:
+            conditions = json.dumps(dyknow.run("ls"))
+    assert conditions.count(named) == 3
+    assert "opens a new session" not in notes_of(dyknow)
+    assert {each["state"] for each in dyknow.run("ls") if each["unit"] != 3} == {"alive"}
+
+
+class Flood:
+    """What the member sends, again and again."""
+
+    def __init__(self, member: Member, task: str) -> None:
+        self.member, self.task, self.random, self.number = member, task, Random(23), 0
+        self.version, self.labels_there = 1, 2
+
+    def word(self) -> str:
+        return "".join(self.random.choices(WORDS, k=12))
+
+    def beat(self, tails: tuple[Any, ...] = (), version: int = 1) -> None:
+        member = self.member
+        member._beats += 1
+        beat = Heartbeat("3", member.boot, member._beats, member.now_us(), version, ("0", "1", "2", "cc"), tails)
+        member.session.put(keys.heartbeat("3"), encode_heartbeat(beat))
+
+    def live(self) -> None:
+        """Be there, and described."""
+        self.beat(version=self.version)
+        self.describe()
+
+    def acts(self) -> None:
+        self.member.say(self.random.choice("012"), P.QUERY_REF, Search(service=self.word()), f"3-s{self.number}")
+
+    def formulas(self) -> None:
+        text = " and ".join(f"heli-altitude[self] > {self.random.randrange(10**5)}" for _ in range(220))
+        self.member.say(self.random.choice("012"), P.QUERY_IF, CheckFormula(text=text), f"3-f{self.number}")
+
+    def alarms(self) -> None:
+        made_up = Alarm(
+            id=f"x/{self.number}",
+            event="opened",
+            monitor="proximity",
+            by="3",
+            units=("3", "0"),
+            valid_us=1,
+            detected_us=2,
+        )
+        self.member.say("0", P.INFORM, made_up, self.task)
+
+    def heartbeats(self) -> None:
+        self.beat(tuple((f"{self.word()}-{number}", "ab12cd34", number) for number in range(MAX_TAILS)), self.version)
+
+    def describe(self) -> None:
+        labels = tuple(
+            LabelEntry(label=f"{self.word()}-{n}", sort="x", type_hash="0" * 8) for n in range(self.labels_there)
+        )
+        said = Description(
+            unit="3",
+            boot=self.member.boot,
+            version=self.version,
+            kind="uav",
+            roster=self.member.roster,
+            labels=labels,
+            services=(ServiceEntry(agent="federation", service="dyknow-federation", visibility="protected"),),
+        )
+        self.member.session.put(keys.announcement("3"), encode_description(said))
+
+    def descriptions(self) -> None:
+        self.version, self.labels_there = self.version + 1, 250
+        self.live()
+
+    def labels(self) -> None:
+        samples = [StreamSample(number + 1, self.member.now_us(), 1.0) for number in range(100)]
+        self.member.session.put(keys.stream("3", self.word(), "ab12cd34"), encode_samples(self.member.boot, samples))
+
+
+def quantile(values: list[float], part: float) -> float:
+    return sorted(values)[min(len(values) - 1, int(part * len(values)))]
+
+
+@pytest.mark.full
+def test_floods_by_a_member_cost_no_memory_and_the_others_are_answered(
+    secured: tuple[Dyknow, Member, str], tmp_path: Path
+) -> None:
+    dyknow, member, task = secured
+    state = state_of(dyknow)
+    processes = {one["unit"]: psutil.Process(one["pid"]) for one in state["running"]}
+    figures: dict[str, Any] = {}
+    flood = Flood(member, task)
+
+    def rss_mb() -> dict[str, int]:
+        return {str(unit): process.memory_info().rss >> 20 for unit, process in processes.items()}
+
+    with facade.connect(
+        dyknow.federation, connect=tuple(state["endpoints"]), roster=tmp_path / "trust" / "roster.toml"
+    ) as federation:
+
+        def latencies(send: Callable[[], None] | None, seconds: float) -> list[float]:
+            took: list[float] = []
+            until = time.monotonic() + seconds
+
+            def once() -> None:
+                if send is not None:
+                    flood.number += 1
+                    send()
+
+            with repeated(once, 0.003):
+                while time.monotonic() < until:
+                    began = time.monotonic()
+                    found = federation.query("heli-position", unit=0)
+                    took.append(time.monotonic() - began)
+                    assert not found.missing, (found.missing, figures)
+                    time.sleep(0.02)
+            return took
+
+        with repeated(flood.live):
+            quiet = latencies(None, FULL_S)
+            figures["quiet"] = {"median_s": median(quiet), "p99_s": quantile(quiet, 0.99), "rss_mb": rss_mb()}
+            before = rss_mb()
+            for kind in (flood.acts, flood.formulas, flood.alarms, flood.heartbeats, flood.descriptions, flood.labels):
+                start = flood.number
+                took = latencies(kind, FULL_S)
+                fresh = {each["inputs"] for each in dyknow.run("monitors") if 3 not in each.get("units", (3,))}
+                now = rss_mb()
+                figures[kind.__name__] = {
+                    "sent": flood.number - start,
+                    "median_s": median(took),
+                    "p99_s": quantile(took, 0.99),
+                    "rss_mb": now,
+                    "more_mb": max(now[unit] - before[unit] for unit in now),
+                    "monitors": sorted(fresh),
+                }
+    if "DYKNOW_FIGURES" in os.environ:
+        Path(os.environ["DYKNOW_FIGURES"]).write_text(json.dumps(figures, indent=1))
+    for name, found in figures.items():
+        if name != "quiet":
+            assert found["more_mb"] <= MOST_MB, figures
+            assert found["monitors"] == ["fresh"], figures
+            assert found["p99_s"] <= max(2 * figures["quiet"]["p99_s"], 0.25), figures
