@@ -23,16 +23,17 @@ _EVERYWHERE = ("0.0.0.0", "::", "localhost")  # noqa: S104 - compared with, not 
 def with_local_endpoint(wire: WireConfig) -> WireConfig:
     """The same with a local endpoint, where TLS is spoken at endpoints that others dial.
 
-    It has the port of the endpoint for others, if that is at an address of a network, so it stays what it was when the
-    platform starts again.
+    It has the port of the endpoint for others, if that is at an address of a network and the port is free on loopback, so
+    that it stays what it was when the platform starts again.
     """
     first = next((each for each in wire.listen if each.startswith("tls/")), None)
     if wire.security is None or first is None:
         return wire
     host, port = host_of(first), first.partition("?")[0].partition("#")[0].rpartition(":")[2]
-    if host in _EVERYWHERE or host.startswith("127.") or host == "::1" or port == "0":
-        port = str(free_ports(1)[0])
-    return wire.model_copy(update={"local": f"tls/{_LOOPBACK}:{port}"})
+    is_loopback = host in _EVERYWHERE or host.startswith("127.") or host == "::1"
+    number = free_ports(1)[0] if is_loopback or not _is_free(int(port)) else int(port)
+    _GIVEN.add(number)
+    return wire.model_copy(update={"local": f"tls/{_LOOPBACK}:{number}"})
 
 
 def noted_local(wires: Iterable[WireConfig]) -> tuple[tuple[str, str], ...]:
@@ -50,6 +51,15 @@ def dialled(directory: Path, endpoints: tuple[str, ...]) -> tuple[str, ...]:
         if state.local and any(found.unit and found.process() is not None for found in state.running):
             endpoints = state.dialled(endpoints)
     return endpoints
+
+
+def _is_free(port: int) -> bool:
+    """Whether nothing listens at that port of loopback, and this process has not given it to another platform."""
+    try:
+        with socket.create_server((_LOOPBACK, port)):
+            return port not in {0, *_GIVEN}
+    except (OSError, OverflowError):
+        return False
 
 
 def free_ports(count: int) -> list[int]:

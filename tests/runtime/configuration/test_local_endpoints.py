@@ -1,12 +1,14 @@
 """The endpoint on loopback that a platform with TLS has for the programs of its machine."""
 
 import os
+import socket
 from pathlib import Path
 
 import psutil
 import pytest
 
 from proxies.zenoh.configuration import ZenohOptions, zenoh_config
+from runtime.configuration import local_endpoints
 from runtime.configuration.config import WireConfig
 from runtime.configuration.local_endpoints import dialled, noted_local, with_local_endpoint
 from runtime.configuration.run_directory import JOINED, ProcessState, Running, write_state
@@ -16,9 +18,19 @@ ALIVE = Running("0", os.getpid(), psutil.Process().create_time())
 LAN, HERE = "tls/192.168.1.10:7447", "tls/127.0.0.1:7447"
 
 
+@pytest.fixture(autouse=True)
+def _nothing_given(monkeypatch: pytest.MonkeyPatch) -> None:
+    monkeypatch.setattr(local_endpoints, "_GIVEN", set())
+
+
 def test_its_port_is_that_of_an_endpoint_of_a_network_so_a_restart_keeps_it() -> None:
     assert with_local_endpoint(SECURED).local == HERE
-    assert with_local_endpoint(with_local_endpoint(SECURED)).local == HERE
+    with socket.create_server(("127.0.0.1", 0)) as taken:
+        port = taken.getsockname()[1]
+        other = with_local_endpoint(SECURED.model_copy(update={"listen": (f"tls/192.168.1.10:{port}",)})).local
+    assert other not in {None, f"tls/127.0.0.1:{port}"}, "taken"
+    second = with_local_endpoint(SECURED.model_copy(update={"listen": ("tls/192.168.1.11:7447",)})).local
+    assert second not in {None, HERE}, "that of another platform"
 
 
 @pytest.mark.parametrize("listen", ["tls/127.0.0.1:7447", "tls/localhost:7447", "tls/0.0.0.0:7447", "tls/[::]:7447"])
