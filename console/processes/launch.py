@@ -1,9 +1,7 @@
 """From the options of a command to the configuration of each platform process."""
 
 import os
-import socket
 from collections.abc import Mapping, Sequence
-from contextlib import ExitStack
 from importlib.util import find_spec
 from pathlib import Path
 from typing import Any, NamedTuple
@@ -15,6 +13,7 @@ from dyknow.model.errors import TextError, WrongCall, did_you_mean
 from federation.keys import unit as unit_name
 from runtime.configuration import config
 from runtime.configuration.instants import SHORTEST_US, duration_us, instant_us
+from runtime.configuration.local_endpoints import free_ports, with_local_endpoint
 from runtime.configuration.reach import trust_files, wire_of
 from runtime.configuration.run_directory import run_directory
 from runtime.configuration.settings import Persona, Settings, UnitFile
@@ -64,15 +63,6 @@ def _meshed(call: Call, names: Sequence[str], special: Mapping[str, UnitFile]) -
         )
         for at, name in enumerate(names)
     }
-
-
-def free_ports(count: int) -> list[int]:
-    """Ports of this machine that are free just now."""
-    with ExitStack() as kept:
-        probes = [kept.enter_context(socket.socket(socket.AF_INET, socket.SOCK_STREAM)) for _ in range(count)]
-        for probe in probes:
-            probe.bind(("127.0.0.1", 0))
-        return [int(probe.getsockname()[1]) for probe in probes]
 
 
 def clock_of(settings: Settings, speed: float | None, now_us: int) -> config.ClockConfig:
@@ -135,7 +125,7 @@ def platform_config(
             raise WrongCall(f"{option}: {file} cannot be read; check the path.")
     fields = {
         "unit": unit,
-        "wire": wire_of(call.settings, unit, own),
+        "wire": with_local_endpoint(wire_of(call.settings, unit, own)),
         "clock": clock,
         "trust": trust_files(call.settings, unit),
         "trusted": {name: each.trust for name, each in call.settings.by_unit.items() if each.trust < 1.0},

@@ -6,6 +6,7 @@ from pathlib import Path
 from console.processes.supervision import Fleet
 from runtime.configuration import run_directory
 from runtime.configuration.config import NodeConfig
+from runtime.configuration.local_endpoints import noted_local
 from runtime.configuration.run_directory import ProcessState, Running
 
 
@@ -33,7 +34,8 @@ def missing(directory: Path, configs: Sequence[NodeConfig]) -> list[NodeConfig]:
     before = {found.unit for found in noted.running}
     clock = next((found.clock for unit in sorted(running) if (found := _noted_config(directory, unit))), None)
     return [
-        (config.unit in before and _noted_config(directory, config.unit)) or _joining(config, clock, noted.endpoints)
+        (config.unit in before and _noted_config(directory, config.unit))
+        or _joining(config, clock, noted.dialled(noted.endpoints))
         for config in absent
     ]
 
@@ -67,7 +69,8 @@ def note_state(fleet: Fleet, configs: Sequence[NodeConfig], *, stays: bool) -> N
         own.append(run_directory.this_process())
     listen = [endpoint for config in configs for endpoint in config.wire.listen]
     endpoints = dict.fromkeys([*before.endpoints, *listen])
-    run_directory.write_state(fleet.directory, ProcessState((*kept, *own), tuple(endpoints)))
+    local = dict((*before.local, *noted_local(config.wire for config in configs)))
+    run_directory.write_state(fleet.directory, ProcessState((*kept, *own), tuple(endpoints), tuple(local.items())))
 
 
 def forget(fleet: Fleet) -> None:
@@ -76,6 +79,6 @@ def forget(fleet: Fleet) -> None:
     mine = {*fleet.running.values(), run_directory.this_process()}
     others = tuple(found for found in state.running if found not in mine)
     if any(found.unit for found in others):
-        run_directory.write_state(fleet.directory, ProcessState(others, state.endpoints))
+        run_directory.write_state(fleet.directory, ProcessState(others, state.endpoints, state.local))
     else:
         (fleet.directory / run_directory.STATE_FILE).unlink(missing_ok=True)

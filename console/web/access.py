@@ -76,24 +76,25 @@ class Access:
             return None
         if not (asked.path in {ACT, LIVE} or asked.path.startswith(TILES)):
             return Refusal(404, "there is no such page")
-        if not self._has_session(asked.headers.get("cookie", "")):
+        if not self.has_session(asked.headers.get("cookie", "")):
             return Refusal(401, "open the address that dyknow web printed, with its token")
         if asked.path == ACT and self.is_read_only:
             return Refusal(403, "this page only shows: dyknow web was started with --read-only")
         return None
+
+    def has_session(self, cookies: str) -> bool:
+        """Whether the header `Cookie` has what was given for the token."""
+        try:
+            given = SimpleCookie(cookies).get(self._cookie)
+        except CookieError:
+            return False
+        return given is not None and hmac.compare_digest(given.value.encode(), self._session.encode())
 
     def _comes_from_here(self, asked: Demand, *, must_say: bool) -> bool:
         origin, site = asked.headers.get("origin"), asked.headers.get("sec-fetch-site", "same-origin")
         if origin is None:
             return not must_say and (site in {"same-origin", "none"} or asked.path == "/")
         return origin.startswith("http://") and origin.removeprefix("http://") == asked.headers.get("host")
-
-    def _has_session(self, cookies: str) -> bool:
-        try:
-            given = SimpleCookie(cookies).get(self._cookie)
-        except CookieError:
-            return False
-        return given is not None and hmac.compare_digest(given.value.encode(), self._session.encode())
 
 
 def _wrong_body(headers: Mapping[str, str]) -> Refusal | None:

@@ -19,6 +19,7 @@ from dyknow.model.errors import EndpointFailed
 LONGEST_HEAD: Final = 16_384
 HEAD_WITHIN_S: Final = 5.0
 MOST_CLIENTS: Final = 64
+MOST_WAITING: Final = 64
 _PIECE: Final = 65_536
 
 
@@ -53,7 +54,8 @@ class PageDoor:
         self.port: int = self._listener.getsockname()[1]
         self._origins, self._is_here = frozenset(origins), _is_loopback(host)
         self._target = "", 0
-        self._clients = 0
+        self._passed = 0
+        self._waiting: dict[asyncio.StreamWriter, None] = {}
         self.refused: Counter[int] = Counter()
         self._loop = asyncio.new_event_loop()
         self._thread = threading.Thread(target=self._run, name="door", daemon=True)
@@ -83,11 +85,9 @@ class PageDoor:
         loop.close()
 
     async def _on_client(self, reader: asyncio.StreamReader, writer: asyncio.StreamWriter) -> None:
-        self._clients += 1
         try:
-            async with asyncio.timeout(HEAD_WITHIN_S):
-                head = await reader.readuntil(b"\r\n\r\n")
-            status = 503 if self._clients > MOST_CLIENTS else self._refusal(head)
+            head = await self._head(reader, writer)
+            status = self._refusal(head) or (503 if self._passed >= MOST_CLIENTS else 0)
             if status:
                 self.refused[status] += 1
                 writer.write(f"HTTP/1.1 {status} Refused\r\nConnection: close\r\nContent-Length: 0\r\n\r\n".encode())
@@ -97,8 +97,20 @@ class PageDoor:
         except (OSError, TimeoutError, asyncio.IncompleteReadError, asyncio.LimitOverrunError):
             self.refused[400] += 1
         finally:
-            self._clients -= 1
             writer.close()
+
+    async def _head(self, reader: asyncio.StreamReader, writer: asyncio.StreamWriter) -> bytes:
+        """The head of a request. Of too many that have not sent theirs whole the oldest is closed."""
+        self._waiting[writer] = None
+        if len(self._waiting) > MOST_WAITING:
+            oldest = next(iter(self._waiting))
+            del self._waiting[oldest]
+            oldest.transport.abort()
+        try:
+            async with asyncio.timeout(HEAD_WITHIN_S):
+                return await reader.readuntil(b"\r\n\r\n")
+        finally:
+            self._waiting.pop(writer, None)
 
     def _refusal(self, head: bytes) -> int:
         """The HTTP status with which a request is refused; 0: it passes."""
@@ -116,13 +128,17 @@ class PageDoor:
         return 403 if origins and origins[0] not in self._origins else 0
 
     async def _pass_on(self, head: bytes, reader: asyncio.StreamReader, writer: asyncio.StreamWriter) -> None:
-        inner_reader, inner_writer = await asyncio.open_connection(*self._target)
-        inner_writer.write(head)
+        self._passed += 1
+        inner_writer: asyncio.StreamWriter | None = None
         try:
+            inner_reader, inner_writer = await asyncio.open_connection(*self._target)
+            inner_writer.write(head)
             ways = (_copied(reader, inner_writer), _copied(inner_reader, writer))
             await asyncio.wait([asyncio.ensure_future(way) for way in ways], return_when=asyncio.FIRST_COMPLETED)
         finally:
-            inner_writer.close()
+            self._passed -= 1
+            if inner_writer is not None:
+                inner_writer.close()
 
 
 async def _copied(reader: asyncio.StreamReader, writer: asyncio.StreamWriter) -> None:

@@ -30,6 +30,7 @@ class ZenohOptions:
     Attributes:
         federation: its name; sessions of different names never hear each other.
         listen: Zenoh endpoints (`tcp/127.0.0.1:7447`); none: a free port of the interface's address.
+        local: a further endpoint on loopback, with a backlog of its own: connections to the others do not delay it.
         connect: Zenoh endpoints to dial; scouting is off then.
         discover: `multicast`, or `none` when only endpoints are to be used.
         interface: the network interface for scouting and listening.
@@ -40,6 +41,7 @@ class ZenohOptions:
 
     federation: str = "default"
     listen: tuple[str, ...] = ()
+    local: str | None = None
     connect: tuple[str, ...] = ()
     discover: Literal["multicast", "none"] = "multicast"
     interface: str = LOOPBACK
@@ -66,7 +68,7 @@ def zenoh_config(options: ZenohOptions, address_of: Callable[[str], str]) -> dic
     config = {
         "mode": "peer",
         "namespace": namespace(options.federation),
-        "listen": {"endpoints": list(options.listen) or [_endpoint(options, address_of)]},
+        "listen": {"endpoints": _listens(options, address_of)},
         "connect": {
             "endpoints": list(options.connect),
             "timeout_ms": -1,  # keep trying; 0 would be one attempt, and silence after it
@@ -113,6 +115,11 @@ def merged(base: Mapping[str, Any], over: Mapping[str, Any]) -> dict[str, Any]:
         old = both.get(name)
         both[name] = merged(old, value) if isinstance(old, Mapping) and isinstance(value, Mapping) else value
     return both
+
+
+def _listens(options: ZenohOptions, address_of: Callable[[str], str]) -> list[str]:
+    listen = list(options.listen) or [_endpoint(options, address_of)]
+    return listen if options.local is None else [*listen, options.local]
 
 
 def _endpoint(options: ZenohOptions, address_of: Callable[[str], str]) -> str:

@@ -17,6 +17,8 @@ class WireConfig(Strict):
 
     federation: str = "default"
     listen: tuple[str, ...] = ()
+    local: str | None = None
+    """A further endpoint on loopback, which programs of this machine dial: see `runtime.configuration.local_endpoints`."""
     connect: tuple[str, ...] = ()
     discover: Literal["multicast", "none"] = "multicast"
     interface: str = "lo"

@@ -7,6 +7,7 @@ from pathlib import Path
 
 from dyknow.model.errors import WrongCall
 from runtime.configuration.config import TrustConfig, WireConfig
+from runtime.configuration.local_endpoints import dialled
 from runtime.configuration.run_directory import noted_state, read_state, run_directory
 from runtime.configuration.session import host_of, read_roster
 from runtime.configuration.settings import Settings, UnitFile
@@ -91,10 +92,15 @@ def _checked_certificate(security: Path, unit: str, listen: Sequence[str]) -> No
 
 
 def client_wire(settings: Settings, unit: str = COMMAND_CENTRE) -> WireConfig:
-    """How a program finds the platforms: as they find each other, or at the endpoints noted by `dyknow up`."""
+    """How a program finds the platforms: as they find each other, or at the endpoints noted by `dyknow up`.
+
+    Platforms of this machine are dialled at their local endpoints, if they have any.
+    """
     directory = run_directory(settings.federation)
     if not settings.connect and noted_state(directory).endpoints and (noted := read_state(directory).endpoints):
         settings = settings.model_copy(update={"connect": noted, "listen": None, "discover": "none"})
+    if settings.connect:
+        settings = settings.model_copy(update={"connect": dialled(directory, settings.connect)})
     return wire_of(settings, unit)
 
 

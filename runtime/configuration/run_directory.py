@@ -7,6 +7,7 @@ process is known by its id together with its start time: ids are used again.
 
 import json
 import os
+from collections.abc import Iterable
 from pathlib import Path
 from typing import TYPE_CHECKING, NamedTuple
 
@@ -48,10 +49,19 @@ def this_process() -> Running:
 
 
 class ProcessState(NamedTuple):
-    """Recorded state of a federation on this machine: its processes (unit "" is the supervisor) and their endpoints."""
+    """Recorded state of a federation on this machine: its processes (unit "" is the supervisor) and their endpoints.
+
+    `local` pairs an endpoint with the one on loopback of the same platform.
+    """
 
     running: tuple[Running, ...] = ()
     endpoints: tuple[str, ...] = ()
+    local: tuple[tuple[str, str], ...] = ()
+
+    def dialled(self, endpoints: Iterable[str]) -> tuple[str, ...]:
+        """The same platforms, those of this machine at their endpoints on loopback."""
+        local = dict(self.local)
+        return tuple(dict.fromkeys(local.get(endpoint, endpoint) for endpoint in endpoints))
 
 
 def run_directory(federation: str) -> Path:
@@ -69,16 +79,17 @@ def noted_state(directory: Path, file: str = STATE_FILE) -> ProcessState:
             Running(str(entry["unit"]), int(entry["pid"]), float(entry["started"])) for entry in noted["running"]
         )
         endpoints = tuple(str(endpoint) for endpoint in noted["endpoints"])
-    except (OSError, ValueError, KeyError, TypeError):
+        local = tuple((str(endpoint), str(own)) for endpoint, own in noted.get("local", {}).items())
+    except (OSError, ValueError, KeyError, TypeError, AttributeError):
         return ProcessState()
-    return ProcessState(running, endpoints)
+    return ProcessState(running, endpoints, local)
 
 
 def read_state(directory: Path) -> ProcessState:
     """The processes of this federation that still run; the endpoints only if any does."""
     noted = noted_state(directory)
     alive = tuple(found for found in noted.running if found.process() is not None)
-    return ProcessState(alive, noted.endpoints if alive else ())
+    return ProcessState(alive, noted.endpoints, noted.local) if alive else ProcessState()
 
 
 def joined_states(directory: Path) -> dict[Path, ProcessState]:
@@ -90,7 +101,8 @@ def joined_states(directory: Path) -> dict[Path, ProcessState]:
 def write_state(directory: Path, state: ProcessState, file: str = STATE_FILE) -> Path:
     """Write the state, whole or not at all; returns the file."""
     directory.mkdir(mode=0o700, parents=True, exist_ok=True)
-    noted = {"running": [found._asdict() for found in state.running], "endpoints": state.endpoints}
+    running = [found._asdict() for found in state.running]
+    noted = {"running": running, "endpoints": state.endpoints, "local": dict(state.local)}
     new = directory / f"{file}.new"
     new.write_text(json.dumps(noted), encoding="utf-8")
     return new.replace(directory / file)

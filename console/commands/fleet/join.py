@@ -42,6 +42,7 @@ from console.processes.supervision import Fleet, interruptible, outlasting, unin
 from dyknow.model.errors import FederationFailed, WrongCall
 from runtime.configuration.config import ClockConfig, MavlinkVehicle, NodeConfig, NoVehicle, Vehicle
 from runtime.configuration.instants import SHORTEST_US, duration_us, instant_us
+from runtime.configuration.local_endpoints import noted_local
 from runtime.configuration.run_directory import JOINED, ProcessState, run_directory, this_process, write_state
 from runtime.configuration.settings import UnitFile
 from runtime.records import is_at_least
@@ -172,7 +173,8 @@ def _run(call: Call, configs: list[NodeConfig], log_level: str) -> int:
         try:
             fleet.start_together({config.unit: config.model_dump_json() for config in configs})
             running = (*fleet.running.values(), this_process())
-            noted = write_state(fleet.directory / JOINED, ProcessState(running), f"{units[0]}.json")
+            state = ProcessState(running, local=noted_local(config.wire for config in configs))
+            noted = write_state(fleet.directory / JOINED, state, f"{units[0]}.json")
             with call.out.waiting(f"{named}: starting"):
                 if not fleet.follow(gathering.all_joined, on_heard, READY_S):
                     raise FederationFailed(f"{named} did not join in {READY_S:.0f} s.\n{fleet.last_words(units[0])}")

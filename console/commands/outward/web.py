@@ -120,7 +120,7 @@ def _show_recording(
     _told(call, access, listener, f"recording {file}")
     threading.Thread(target=feed.load, name="recording", daemon=True).start()
     server = PageServer(access, lambda: RecordingViewer(feed, time.monotonic), None, tiles)
-    _serve(server.app, listener)
+    _serve(server.app, access, listener)
     return DONE
 
 
@@ -146,7 +146,7 @@ def _show_federation(
 
     server = PageServer(access, lambda: feed, None if access.is_read_only else act, tiles)
     try:
-        _serve(server.app, listener, member)
+        _serve(server.app, access, listener, member)
     finally:
         member.close()
     if member.failure is not None:
@@ -177,9 +177,11 @@ def _told(call: Call, access: Access, listener: socket.socket, what: str) -> Non
     )  # fmt: skip
 
 
-def _serve(app: Any, listener: socket.socket, member: "PageMember | None" = None) -> None:
+def _serve(app: Any, access: Access, listener: socket.socket, member: "PageMember | None" = None) -> None:
     """Until Ctrl-C; the member joins its federation once the page is served."""
     import uvicorn
+
+    from console.web.connections import uvicorn_settings
 
     class Server(uvicorn.Server):
         async def startup(self, sockets: list[socket.socket] | None = None) -> None:
@@ -190,17 +192,8 @@ def _serve(app: Any, listener: socket.socket, member: "PageMember | None" = None
         def end(self) -> None:
             self.should_exit = True
 
-    server = Server(uvicorn.Config(app, **uvicorn_settings()))
+    server = Server(uvicorn.Config(app, **uvicorn_settings(access)))
     if member is not None:
         member.on_failure = server.end
     with suppress(KeyboardInterrupt):
         server.run(sockets=[listener])
-
-
-def uvicorn_settings() -> dict[str, Any]:
-    """Small messages, few connections, no log, no name of the program."""
-    return {
-        "log_config": None, "access_log": False, "server_header": False, "date_header": False, "lifespan": "off",
-        "ws": "websockets-sansio", "ws_max_size": 4096, "ws_per_message_deflate": False, "limit_concurrency": 64,
-        "timeout_graceful_shutdown": 1, "http": "h11", "loop": "asyncio", "proxy_headers": False,
-    }  # fmt: skip

@@ -8,9 +8,10 @@ import pytest
 from console.command import Call
 from console.commands.fleet.up import planned
 from console.output.output import Output
-from console.processes.launch import FleetPlan, fleet_of, free_ports, together
+from console.processes.launch import FleetPlan, fleet_of, together
 from dyknow.model.errors import WrongCall
 from runtime.configuration.config import MavlinkVehicle, ReplayedVehicle, SimulatedVehicleConfig
+from runtime.configuration.local_endpoints import free_ports
 from runtime.configuration.reach import wire_of
 from runtime.configuration.settings import Settings, UnitFile, load
 from tests.proxies import logs

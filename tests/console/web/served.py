@@ -78,7 +78,7 @@ def serving(view: Callable[[], Viewer], *, is_read_only: bool = False, tiles: Pa
     """A server of a view, on a free port."""
     import uvicorn
 
-    from console.commands.outward.web import uvicorn_settings
+    from console.web.connections import uvicorn_settings
     from console.web.server import PageServer
 
     done: list[Mapping[str, Any]] = []
@@ -91,7 +91,7 @@ def serving(view: Callable[[], Viewer], *, is_read_only: bool = False, tiles: Pa
         port = listener.getsockname()[1]
         access = Access((f"127.0.0.1:{port}", f"localhost:{port}"), is_read_only=is_read_only)
         gate = PageServer(access, view, act, tiles, {"tasks": ["hold", "goto", "monitor-proximity"]}).app
-        server = uvicorn.Server(uvicorn.Config(gate, **uvicorn_settings()))
+        server = uvicorn.Server(uvicorn.Config(gate, **uvicorn_settings(access)))
         server.install_signal_handlers = lambda: None  # type: ignore[attr-defined]
         thread = threading.Thread(target=server.run, args=([listener],), daemon=True)
         thread.start()

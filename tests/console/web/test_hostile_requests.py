@@ -3,6 +3,7 @@
 import json
 import socket
 from collections.abc import Iterator
+from contextlib import suppress
 from itertools import product
 from pathlib import Path
 
@@ -171,3 +172,53 @@ def test_bytes_that_are_no_request_end_their_connection_only(page: Served) -> No
                 answer = b""
         assert not answer or b" 4" in answer[:12]
     assert page.asks("GET", "/") == 200
+
+
+def half_requests(port: int, count: int, sent: bytes) -> list[socket.socket]:
+    made = [socket.create_connection(("127.0.0.1", port), 5) for _ in range(count)]
+    for each in made:
+        with suppress(OSError):  # closed already: an older one that made room
+            each.sendall(sent)
+    return made
+
+
+@pytest.mark.parametrize(
+    "sent",
+    [
+        b"",
+        b"GET / HTTP/1.1\r\nHost: 127.0.0.1\r\nX: ",
+        (
+            b"POST /session HTTP/1.1\r\nHost: 127.0.0.1:%d\r\nOrigin: http://127.0.0.1:%d\r\n"
+            b"Content-Type: application/json\r\nContent-Length: 60\r\n\r\n{"
+        ),
+        b"GET / HTTP/1.1\r\nHost: 127.0.0.1:%d\r\nCookie: dyknow-%d=wrong\r\n\r\n",
+    ],
+    ids=["no byte", "half a head", "half a body", "idle after an answer"],
+)
+def test_connections_that_are_held_without_the_cookie_keep_nobody_out(page: Served, sent: bytes) -> None:
+    held = half_requests(page.port, 500, sent.replace(b"%d", str(page.port).encode()))
+    try:
+        assert page.answer("GET", "/")[0] == 200
+        status, headers, _ = page.posted("/session", {"token": page.access.token}, Cookie="")
+        assert status == 204
+        assert page.cookie in headers["set-cookie"]
+        assert page.posted("/act", HOLD)[0] == 200
+        assert page.done.pop() == HOLD
+    finally:
+        for each in held:
+            each.close()
+
+
+def test_a_connection_with_the_cookie_is_not_displaced_by_strangers(page: Served) -> None:
+    with socket.create_connection(("127.0.0.1", page.port), 5) as known:
+        known.sendall(f"GET / HTTP/1.1\r\nHost: 127.0.0.1:{page.port}\r\nCookie: {page.cookie}\r\n\r\n".encode())
+        assert known.recv(12) == b"HTTP/1.1 200"
+        for each in half_requests(page.port, 300, b"GET /"):
+            each.close()
+        known.settimeout(0.2)
+        with suppress(TimeoutError):
+            while piece := known.recv(65_536):  # the rest of the answer, and nothing after it
+                assert piece
+        known.settimeout(5)
+        known.sendall(f"GET / HTTP/1.1\r\nHost: 127.0.0.1:{page.port}\r\nCookie: {page.cookie}\r\n\r\n".encode())
+        assert known.recv(12) == b"HTTP/1.1 200"

@@ -8,7 +8,7 @@ from typing import Any
 import pytest
 from pymavlink import mavutil
 
-from console.processes.launch import free_ports
+from runtime.configuration.local_endpoints import free_ports
 from sim_uavs.autopilot.server import AutopilotServer
 from sim_uavs.dynamics.settings import HomePlace, VehicleConfig
 from tests.live.command_line.command import Dyknow, lines
