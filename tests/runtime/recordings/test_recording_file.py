@@ -17,8 +17,9 @@ from mcap.reader import make_reader
 from mcap.writer import CompressionType, Writer
 
 from dyknow.model.errors import DecodeError, WrongCall
+from proxies.recordings.mcap_records import LARGEST_CHUNK
 from runtime.recordings import foxglove
-from runtime.recordings.recorded import LARGEST_CHUNK, FederationRecording, mend
+from runtime.recordings.recorded import FederationRecording, mend
 from runtime.recordings.recording_file import ABOUT, FLUSH_US, LONGEST_MESSAGE, PROFILE, SAMPLE, RecordingFile
 from runtime.recordings.summary import summary_of
 
@@ -188,7 +189,7 @@ def test_a_damaged_file_is_read_to_the_damage_or_refused(
 
 
 @pytest.mark.parametrize("compression", [CompressionType.LZ4, CompressionType.ZSTD])
-def test_a_chunk_that_unpacks_to_far_more_than_ours_ends_the_reading(
+def test_a_chunk_that_unpacks_to_far_more_than_ours_is_refused(
     tmp_path: Path, compression: CompressionType
 ) -> None:
     with (tmp_path / "a.mcap").open("wb") as stream:
@@ -201,7 +202,8 @@ def test_a_chunk_that_unpacks_to_far_more_than_ours_ends_the_reading(
         writer.finish()
     assert (tmp_path / "a.mcap").stat().st_size < LARGEST_CHUNK
     recording = FederationRecording(tmp_path / "a.mcap")
-    assert [*recording.messages()] == []
+    with pytest.raises(DecodeError, match=r"byte \d+: a chunk unpacks to more than 4 MB; dyknow record"):
+        list(recording.messages())
     assert not recording.is_whole
 
 
