@@ -75,8 +75,8 @@ def parser(grammar: str = "kpl.lark") -> "Lark":
     with suppress(Exception):  # whatever is wrong with the file: the tables are built, and written again
         if file is not None:
             with _checked(file) as tables:
-                loaded: Lark = Lark.__new__(Lark)._load(msgpack.unpackb(tables.read(), strict_map_key=False))
-                return loaded
+                kept = msgpack.unpackb(tables.read(), strict_map_key=False)
+            return Lark._load_from_dict(kept["data"], kept["memo"])
     built = Lark(
         written, parser="lalr", lexer="basic", start=begins, maybe_placeholders=False, propagate_positions=True
     )

@@ -106,7 +106,7 @@ def _check(hint: Any) -> Check:
     if hint is float:
         return _plain_check(lambda found: type(found) in {float, int}, "a number")
     if is_dataclass(hint):
-        return lambda found: _reader(hint)(found)
+        return _reader(hint)
     return _plain_check(lambda found: type(found) is hint, hint.__name__)
 
 

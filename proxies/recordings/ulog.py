@@ -102,9 +102,7 @@ class UlogRecording(Recording):
         try:
             return definitions.layout(name)
         except LookupError:
-            raise self.damage(
-                offset, f"topic {name} is subscribed but not defined", "the log's head is lost"
-            ) from None
+            raise self.damage(offset, f"topic {name} is subscribed but not defined", "the log's head is lost") from None
         except ValueError as wrong:
             raise self.damage(offset, f"topic {name} {wrong}", "the log was damaged, or made by hand") from None
 

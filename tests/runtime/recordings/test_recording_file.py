@@ -189,9 +189,7 @@ def test_a_damaged_file_is_read_to_the_damage_or_refused(
 
 
 @pytest.mark.parametrize("compression", [CompressionType.LZ4, CompressionType.ZSTD])
-def test_a_chunk_that_unpacks_to_far_more_than_ours_is_refused(
-    tmp_path: Path, compression: CompressionType
-) -> None:
+def test_a_chunk_that_unpacks_to_far_more_than_ours_is_refused(tmp_path: Path, compression: CompressionType) -> None:
     with (tmp_path / "a.mcap").open("wb") as stream:
         writer: Any = Writer(stream, compression=compression, chunk_size=10 * LARGEST_CHUNK)
         writer.start(profile=PROFILE)
