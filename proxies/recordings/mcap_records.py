@@ -84,7 +84,7 @@ class McapRecords:
 
     def _check_beginning(self, magic: bytes) -> None:
         if not magic:
-            raise self._wrong(0, "the file is empty: it was cut off as it was made, and nothing is lost but its name")
+            raise self._wrong(0, "the file is empty: it was cut off as it was made")
         if magic != MAGIC:
             was_cut = MAGIC.startswith(magic)
             cause = "nothing is in it: it was cut off as it was made" if was_cut else "it is no MCAP file"

@@ -56,7 +56,9 @@ def text(said: str) -> bytes:
 
 def chunk(compression: str, data: bytes) -> bytes:
     packed = {"lz4": lz4.frame.compress, "zstd": zstandard.ZstdCompressor().compress, "": bytes}[compression](data)
-    return record(6, struct.pack("<QQQI", 0, 0, len(data), 0) + text(compression) + struct.pack("<Q", len(packed)) + packed)
+    return record(
+        6, struct.pack("<QQQI", 0, 0, len(data), 0) + text(compression) + struct.pack("<Q", len(packed)) + packed
+    )
 
 
 def mcap(profile: str, *records: bytes) -> bytes:
@@ -250,7 +252,11 @@ def test_a_small_file_costs_little_and_is_refused_with_place_cause_and_remedy(
     assert took_s < MOST_S
     assert grown_mb < MOST_MB
     assert [one.name for one in tmp_path.rglob("*") if one.is_file()] == [path.name], "nothing is written"
-    print(json.dumps({"reader": reader, "bomb": bomb, "s": round(took_s, 3), "MB": round(grown_mb, 1), "said": outcome[:150]}))
+    print(
+        json.dumps(
+            {"reader": reader, "bomb": bomb, "s": round(took_s, 3), "MB": round(grown_mb, 1), "said": outcome[:150]}
+        )
+    )
 
 
 @pytest.mark.parametrize("name", ["../secret", "/etc/passwd", "in/../../secret", "link", "folder", "a\0b"])
