@@ -6,7 +6,7 @@ from typing import Any, Final
 
 MOST_PARTS: Final = 32
 """Names that a dotted key has."""
-_PART: Final = r"(?:[\w-]++|\"[^\"\n]{0,200}\"|'[^'\n]{0,200}')[ \t]*\.[ \t]*"
+_PART: Final = r"(?:[\w-]{1,200}|\"[^\"\n]{0,200}\"|'[^'\n]{0,200}')[ \t]*\.[ \t]*"
 _LONG_KEY = re.compile(rf"(?<![\w.-])(?:{_PART}){{{MOST_PARTS}}}")
 
 

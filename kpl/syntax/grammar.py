@@ -76,7 +76,8 @@ def parser(grammar: str = "kpl.lark") -> "Lark":
         if file is not None:
             with _checked(file) as tables:
                 kept = msgpack.unpackb(tables.read(), strict_map_key=False)
-            return Lark._load_from_dict(kept["data"], kept["memo"])
+            loaded: Lark = Lark._load_from_dict(kept["data"], kept["memo"])  # type: ignore[no-untyped-call]  # noqa: SLF001
+            return loaded
     built = Lark(
         written, parser="lalr", lexer="basic", start=begins, maybe_placeholders=False, propagate_positions=True
     )

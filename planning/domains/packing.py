@@ -42,7 +42,7 @@ def unpacked(text: str, kind: type[T]) -> T:
     if len(text) > LONGEST:
         raise ValueError(f"what was packed has {len(text)} characters, at most {LONGEST} are read")
     try:
-        found = _reader(kind)(json.loads(text))
+        found = _reader_of(kind)(json.loads(text))
     except (ValueError, TypeError, RecursionError) as wrong:
         raise ValueError(f"what was packed cannot be read: {wrong}"[:300]) from None
     if not isinstance(found, kind):
@@ -55,8 +55,17 @@ def _plain(value: Any) -> Any:
         return [_plain(one) for one in value]
     if is_dataclass(value):
         kind = type(value)
-        return [kind.__name__, *[_plain(getattr(value, name)) for name, _ in _declared(kind)]]
+        return [kind.__name__, *[_plain(getattr(value, name)) for name in _names(kind)]]
     return dict(value) if isinstance(value, Mapping) else value
+
+
+def _names(kind: Any) -> tuple[str, ...]:
+    """Of the fields that are packed."""
+    return tuple([name for name, _ in _declared(kind)])
+
+
+def _reader_of(kind: Any) -> Check:
+    return _reader(kind)
 
 
 @cache
@@ -68,9 +77,9 @@ def _declared(kind: type) -> tuple[tuple[str, Any], ...]:
 
 @cache
 def _reader(kind: type) -> Check:
-    """Reads values of a kind."""
+    """Reads values of a kind, a class of declarations or formulas."""
     name, declared = kind.__name__, tuple([_check(hint) for _, hint in _declared(kind)])
-    names = tuple([each for each, _ in _declared(kind)])
+    names = _names(kind)
 
     def read(found: Any) -> Any:
         if type(found) is not list or len(found) != len(declared) + 1 or found[0] != name:
@@ -85,7 +94,7 @@ def _node(found: Any) -> Any:
     kind = _KINDS.get(found[0]) if type(found) is list and found and type(found[0]) is str else None
     if kind is None or not issubclass(kind, tree.Node):
         raise ValueError("an expression is expected")
-    return _reader(kind)(found)
+    return _reader_of(kind)(found)
 
 
 def _check(hint: Any) -> Check:
@@ -106,7 +115,7 @@ def _check(hint: Any) -> Check:
     if hint is float:
         return _plain_check(lambda found: type(found) in {float, int}, "a number")
     if is_dataclass(hint):
-        return _reader(hint)
+        return _reader_of(hint)
     return _plain_check(lambda found: type(found) is hint, hint.__name__)
 
 

@@ -1,5 +1,6 @@
 """Every decoder of the wire against mutants and bombs: its declared error or a message, at once, also for the largest input."""
 
+import contextlib
 import json
 import os
 from collections.abc import Callable
@@ -116,10 +117,8 @@ def test_a_mutant_is_a_message_or_the_declared_error_within_a_millisecond(name: 
     for _ in range(COUNT // len(DECODERS)):
         payload = _mutant(name, rng, acts)
         began_ns = thread_time_ns()
-        try:
+        with contextlib.suppress(*DECLARED):
             decode(payload)
-        except DECLARED:
-            pass
         took_ms.append((thread_time_ns() - began_ns) / 1e6)
     took_ms.sort()
     p99 = took_ms[int(len(took_ms) * 0.99)]
@@ -151,10 +150,8 @@ def test_the_largest_inputs_take_no_more_than_a_quarter_of_a_second(name: str) -
     slowest = (0.0, "")
     for what, payload in _largest().items():
         began_ns = thread_time_ns()
-        try:
+        with contextlib.suppress(*DECLARED):
             DECODERS[name](payload)
-        except DECLARED:
-            pass
         slowest = max(slowest, ((thread_time_ns() - began_ns) / 1e6, what))
     print(json.dumps({"decoder": name, "slowest_ms": round(slowest[0], 2), "input": slowest[1]}))
     assert slowest[0] <= MOST_MS, slowest
@@ -177,7 +174,7 @@ ALPHABET = [
     *HOSTILE_NAMES[:40],
 ]
 BUILT: dict[str, tuple[Callable[[str], str], int]] = {
-    "hb/": (lambda name: keys.heartbeat(name), 2),
+    "hb/": (keys.heartbeat, 2),
     "x/0/": (lambda name: keys.stream("0", name, "ab12cd34"), 4),
     "acl/1/0/": (lambda name: keys.act("1", "0", name), 4),
     "q/0/": (lambda name: keys.history("0", name), 3),

@@ -7,6 +7,7 @@ import resource
 import struct
 import time
 from collections.abc import Callable, Iterator
+from functools import partial
 from multiprocessing.connection import Connection
 from pathlib import Path
 from typing import Any
@@ -22,6 +23,7 @@ from dyknow.model.errors import DyknowError, SourceText, WrongCall
 from federation.security.trust import Roster
 from federation.sharing.ontology import default_ontology
 from kpl import parse_specification
+from planning.domains.model import Declarations
 from planning.domains.packing import unpacked
 from planning.domains.texts import parse_domain
 from proxies.recordings.formats import open_recording
@@ -167,8 +169,8 @@ SPECS: dict[str, Bomb] = {
 }
 
 
-def _mcap_events(data: bytes) -> bytes:
-    return mcap("dyknow", channel("event"), message(data))
+def _mcap_events(made: Bomb) -> bytes:
+    return mcap("dyknow", channel("event"), message(made()))
 
 
 def _journal(path: Path) -> object:
@@ -184,14 +186,14 @@ def _decoded(path: Path) -> str:
 
 def _packed(path: Path) -> object:
     try:
-        return unpacked(path.read_text("latin-1"), dict)
+        return unpacked(path.read_text("latin-1"), Declarations)
     except ValueError as wrong:
         raise WrongCall(f"{path}: {wrong}; read it again") from None
 
 
 READERS: dict[str, tuple[str, dict[str, Bomb], Callable[[Path], object]]] = {
     "journal": (".mcap", archives("dyknow"), _journal),
-    "events": (".mcap", {name: lambda made=made: _mcap_events(made()) for name, made in EVENTS.items()}, _journal),
+    "events": (".mcap", {name: partial(_mcap_events, made) for name, made in EVENTS.items()}, _journal),
     "replayed journal": (".mcap", archives("dyknow"), open_recording),
     "recording": (".mcap", archives(PROFILE), lambda path: sum(1 for _ in FederationRecording(path).messages())),
     "ulg": (".ulg", ULOGS, open_recording),
