@@ -14,6 +14,7 @@ from agents.specification.specification_part import read
 from dyknow.model.errors import DyknowError, SourceText, SpecificationFailed
 from dyknow.model.instants import US_PER_S
 from kpl import parse_specification
+from proxies.recordings.named_files import bounded_text
 from proxies.recordings.sample_file import FedSample, read_feed
 from proxies.recordings.watched_file import WatchedFiles
 
@@ -71,7 +72,7 @@ class Specified:
             return texts[name]
 
         try:
-            text = SourceText(self._path.read_text("utf-8"), str(self._path))
+            text = SourceText(bounded_text(self._path), str(self._path))
             parse_specification(text, read_named)
             given = Specify(self._now_us(), str(text), text.file, tuple(texts.items()))
             read(text, given.named)

@@ -28,8 +28,9 @@ _SYMBOL = re.compile(r"[A-Za-z0-9_][A-Za-z0-9_./@\[\],-]{0,255}")
 _NAME = re.compile(r"(?=.{1,64}\Z)[a-z][a-z0-9]*([-_][a-z0-9]+)*")
 _INTEGER = re.compile(r"-?(0|[1-9][0-9]*)")
 _NUMBER = re.compile(r"[+-]?([0-9]+(\.[0-9]*)?|\.[0-9]+)([eE][+-]?[0-9]+)?")
-_TOKEN = re.compile(r'[()]|"(?:[^"\\]++|\\.)*+":?|[^\s()"]+|"', re.DOTALL)
-"""A quote alone is the beginning of a quoted text without end."""
+_QUOTED = re.compile(r'"(?:[^"\\]++|\\.)*+":?', re.DOTALL)
+_TOKEN = re.compile(rf'[()]|{_QUOTED.pattern}|[^\s()"]+|".*', re.DOTALL)
+"""A quoted text without end is one token with all that follows: nothing of it is looked at again."""
 _WORDS: dict[str, Any] = {"true": True, "false": False, "no_value": NO_VALUE}
 _FORMS = frozenset({"sequence", "record"})
 
@@ -128,8 +129,8 @@ class ExprReader:
         self._text = text
         self._tokens: list[str] = _TOKEN.findall(text)
         self._next = 0
-        if '"' in self._tokens:
-            raise self.wrong("this quoted text has no end", at=self._tokens.index('"'), repair='"..."')
+        if self._tokens and self._tokens[-1].startswith('"') and not _QUOTED.fullmatch(self._tokens[-1]):
+            raise self.wrong("this quoted text has no end", at=len(self._tokens) - 1, repair='"..."')
 
     def _error(self, message: str, offset: int, width: int, repair: str) -> TextError:
         line = self._text.count("\n", 0, offset) + 1

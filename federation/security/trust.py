@@ -13,6 +13,7 @@ from hashlib import sha256
 from typing import TYPE_CHECKING, Any, Final, Literal, TypeAlias
 
 from dyknow.model.errors import NameRefused, RosterError
+from dyknow.model.toml_texts import tables_of
 from federation import keys
 from federation.messages.acts import Act
 from federation.messages.codec import Signature
@@ -99,7 +100,7 @@ class Roster:
             RosterError: what is wrong, and where.
         """
         try:
-            tables = tomllib.loads(text)
+            tables = tables_of(text)
         except tomllib.TOMLDecodeError as wrong:
             raise RosterError(f"the roster is not TOML: {wrong}") from None
         federation = tables.pop(FEDERATION) if isinstance(tables.get(FEDERATION), str) else None

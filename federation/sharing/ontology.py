@@ -12,6 +12,7 @@ from typing import Any, Final
 
 from dyknow.model.errors import Refused, TextError, TextErrors, UnknownLabel
 from dyknow.model.semantic_labels import BUILT_IN, SemanticLabel, definition_errors, plain
+from dyknow.model.toml_texts import tables_of
 from dyknow.model.values import Field, Sort
 from federation.messages.descriptions import MAX_DEFINITIONS
 
@@ -140,7 +141,7 @@ def default_ontology() -> Ontology:
 def read_toml(text: str, file: str) -> dict[str, Any]:
     """The tables of a TOML text; raises TextErrors at the place where it is none."""
     try:
-        return tomllib.loads(text)
+        return tables_of(text)
     except tomllib.TOMLDecodeError as wrong:
         place = re.search(r"line (\d+), column (\d+)", str(wrong))
         lines = text.splitlines() or [""]

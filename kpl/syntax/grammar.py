@@ -1,9 +1,8 @@
 """The parsers of our texts: three grammars, each read once, and the limits every text passes first.
 
 To build the tables of a parser takes longer than to read most specifications: they are kept for later processes, in
-`$XDG_CACHE_HOME/dyknow-grammars` or `~/.cache/dyknow-grammars`. Reading such a file runs what is written in it (it is a
-pickle): folder and file are used only if they belong to this user, and no other may write there. Where tables cannot be
-kept, they are built each time.
+`$XDG_CACHE_HOME/dyknow-grammars` or `~/.cache/dyknow-grammars`, as plain data. Folder and file are used only if they belong
+to this user, and no other may write there. Where tables cannot be kept, they are built each time.
 
 A hostile text can neither exhaust the stack nor the clock: length, number of tokens and bracket depth are looked at before
 parsing, nesting of the parse tree before anything walks it recursively.
@@ -36,6 +35,7 @@ LIMIT_TOKENS: Final = 26_000
 """Names, numbers, strings and signs of a text, which take about 20 us each to parse."""
 LIMIT_NESTING: Final = 200
 _PIECE: Final = r'"[^"\n]*"|\w+(?:-\w+)*|[^\w\s]'
+_WIDEST: Final = 2**62
 _OPENING, _CLOSING = "([{", ")]}"
 _CHAINS = ("sum", "product", "time_term", "time_product", "combined", "intersection", "shifted")
 
@@ -73,11 +73,12 @@ def parser(grammar: str = "kpl.lark") -> "Lark":
 
     lark is imported here, at use.
     """
+    import msgpack
     from lark import Lark, __version__
 
     written = files("kpl.syntax").joinpath(grammar).read_text(encoding="utf-8")
     begins = sorted({text.begin for text in TEXTS.values() if text.grammar == grammar})
-    name = sha256("\n".join([__version__, sys.version, *begins, written]).encode()).hexdigest()
+    name = sha256("\n".join(["msgpack", __version__, sys.version, *begins, written]).encode()).hexdigest()
     try:
         file = _tables_folder() / f"{name}.tables"
     except (OSError, RuntimeError):  # no home, or not this user's alone
@@ -85,7 +86,9 @@ def parser(grammar: str = "kpl.lark") -> "Lark":
     with suppress(Exception):  # whatever is wrong with the file: the tables are built, and written again
         if file is not None:
             with _checked(file) as tables:
-                return _quick(Lark.load(tables))
+                kept = msgpack.unpackb(tables.read(), strict_map_key=False)
+            loaded: Lark = Lark._load_from_dict(kept["data"], kept["memo"])  # type: ignore[no-untyped-call]  # noqa: SLF001
+            return _quick(loaded)
     built = Lark(
         written, parser="lalr", lexer="basic", start=begins, maybe_placeholders=False, propagate_positions=True
     )
@@ -137,9 +140,23 @@ def _check(found: os.stat_result, is_kind: Callable[[int], bool]) -> None:
 
 def _keep(built: "Lark", file: Path) -> None:
     """Whole or not at all: other processes may read it, or write it, now."""
+    import msgpack
+    from lark.grammar import Rule
+    from lark.lexer import TerminalDef
+
+    data, memo = built.memo_serialize([TerminalDef, Rule])
     with NamedTemporaryFile(dir=file.parent, delete=False) as tables:
-        built.save(tables)
+        tables.write(msgpack.packb(_plain({"data": data, "memo": memo})))
     Path(tables.name).replace(file)
+
+
+def _plain(found: Any) -> Any:
+    """The same with whole numbers that fit into 64 bits: a terminal without an end is wider than that."""
+    if isinstance(found, dict):
+        return {name: _plain(inner) for name, inner in found.items()}
+    if isinstance(found, list | tuple):
+        return [_plain(inner) for inner in found]
+    return min(found, _WIDEST) if isinstance(found, int) and not isinstance(found, bool) else found
 
 
 @cache

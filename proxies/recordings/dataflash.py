@@ -25,6 +25,8 @@ _WEEK_US = 7 * 86_400 * 1_000_000
 _LEAPS = ((1_025_136_016, 16), (1_119_744_017, 17), (1_167_264_018, 18))
 """GPS seconds from which on GPS is that number of seconds ahead of UTC: July 2012, July 2015, January 2017."""
 _PADDING = 528
+_FARTHEST = 1_000_000
+"""Bytes that are no records after which a log is given up."""
 _WANTED = frozenset({"GPS", "GPA", "UBX3", "ATT", "IMU", "CURR", "BAT", "PARM", "MODE", "EV", "CMD", "ORGN"})
 _COPTER, _ARDUPILOT = 2, 3
 _SOLID_FIX = 3
@@ -123,9 +125,10 @@ class DataflashRecording(Recording):
 
     def _passed_over(self, data: mmap.mmap, offset: int, layouts: dict[int, _Layout]) -> int:
         """Where the next record begins. Blocks of flash end in padding, which is no damage."""
-        at = data.find(_HEAD, offset + 1)
+        end = min(len(data), offset + _FARTHEST)
+        at = data.find(_HEAD, offset + 1, end)
         while at != -1 and (at + 2 >= len(data) or data[at + 2] not in layouts):
-            at = data.find(_HEAD, at + 1)
+            at = data.find(_HEAD, at + 1, end)
         if at == -1:
             if len(data) - offset >= _PADDING:
                 raise self.damage(offset, "no records from here to the end")

@@ -10,15 +10,12 @@
 Entries are in the order in which the node saw them. A file that was cut off by a crash reads up to the cut.
 """
 
-import struct
 from collections.abc import Iterator, Mapping
 from pathlib import Path
-from typing import Any, NamedTuple, TypeAlias, get_args
+from typing import Any, Final, NamedTuple, TypeAlias, get_args
 
 import msgpack
-from mcap.exceptions import McapError
-from mcap.records import Channel, Message, Metadata
-from mcap.stream_reader import StreamReader
+from mcap.records import Channel, Header, Message, Metadata
 
 from agents.effects import (
     Computed,
@@ -40,11 +37,18 @@ from dyknow.model.errors import DecodeError
 from dyknow.network.process import Outcome
 from federation.transport import WireEvent
 from navigation.vehicle import ImageDetection, Report
+from proxies.recordings.mcap_records import McapItem, McapRecords
+from proxies.recordings.packed_lengths import check_lengths
 
 EVENT, TIME, SHOWN, LOST, SAMPLES = "event", "time", "shown", "lost", "x/"
 ABOUT = "node"
 CLOCK_EPOCH, CLOCK_SPEED, STOPWATCH = "clock_epoch_us", "clock_speed", "stopwatch"
 """What a journal says of the federation's clock: by it reports and samples are valid, while entries have the node's."""
+REMEDY: Final = "a platform whose settings name a `journal` writes one"
+MOST_DEPTH: Final = 24
+"""Named tuples and tuples inside one another."""
+_SHORT: Final = 1024
+"""Bytes of an event that needs no look at its lengths before it is unpacked."""
 _NAMED, _TUPLE, _NO_VALUE = 1, 2, 3
 _NAMES: dict[type[Any], str] = {LeaveRequested: "Leave"}
 """Events that a journal names otherwise than the code does: journals outlive names of classes."""
@@ -109,16 +113,27 @@ def _extended(value: Any) -> msgpack.ExtType:
 
 def decode_event(data: bytes) -> Any:
     """Raises DecodeError for what is not one of our events."""
+    return _decoded(data, 0)
+
+
+def _decoded(data: bytes, depth: int) -> Any:
+    """What is packed inside something is unpacked by this again, `depth` times at most `MOST_DEPTH`."""
     try:
-        return msgpack.unpackb(data, ext_hook=_restored)
-    except (ValueError, TypeError, KeyError) as malformed:
+        if len(data) > _SHORT:
+            check_lengths(data)
+        return msgpack.unpackb(data, ext_hook=lambda code, inner: _restored(code, inner, depth + 1))
+    except (ValueError, TypeError, KeyError, IndexError, OverflowError, RecursionError) as malformed:
         raise DecodeError("journal", repr(malformed)[:80]) from None
 
 
-def _restored(code: int, data: bytes) -> Any:
+def _restored(code: int, data: bytes, depth: int) -> Any:
     if code == _NO_VALUE:
         return NO_VALUE
-    values = msgpack.unpackb(data, ext_hook=_restored)
+    if depth > MOST_DEPTH:
+        raise ValueError(f"nested deeper than {MOST_DEPTH}")
+    values = _decoded(data, depth)
+    if type(values) is not list:
+        raise ValueError("no list of fields")
     return _KINDS[values[0]](*values[1:]) if code == _NAMED else tuple(values)
 
 
@@ -132,7 +147,9 @@ def read_about(path: Path) -> Mapping[str, str]:
         if isinstance(record, Metadata) and record.name == ABOUT:
             found: Mapping[str, str] = record.metadata
             return found
-    raise DecodeError("journal", f"{path} does not say whose it is")
+        if not isinstance(record, Header):
+            raise DecodeError("journal", f"{path} does not say whose it is; {REMEDY}")
+    raise DecodeError("journal", f"{path}: nothing is in it: it was cut off as it was made; {REMEDY}")
 
 
 def read_journal(path: Path) -> Iterator[Entry]:
@@ -144,16 +161,25 @@ def read_journal(path: Path) -> Iterator[Entry]:
     stepped: Stepped | None = None
     for topic, now_us, data in _messages(path):
         if topic == SHOWN and stepped is not None:
-            stepped = stepped._replace(shown=tuple(msgpack.unpackb(data)))
+            stepped = stepped._replace(shown=_numbers(data))
         if topic not in {EVENT, TIME, LOST}:
             continue
         if stepped is not None:
             yield stepped
         stepped = None if topic == LOST else Stepped(now_us, decode_event(data) if topic == EVENT else None)
         if topic == LOST:
-            yield Lost(now_us, int(msgpack.unpackb(data)))
+            yield Lost(now_us, sum(_numbers(data)))
     if stepped is not None:
         yield stepped
+
+
+def _numbers(data: bytes) -> tuple[int, ...]:
+    """One whole number, or a list of some."""
+    found = _decoded(data, MOST_DEPTH)
+    numbers = tuple(found) if isinstance(found, list) else (found,)
+    if not all(type(number) is int for number in numbers):
+        raise DecodeError("journal", "whole numbers are expected")
+    return numbers
 
 
 def _messages(path: Path) -> Iterator[tuple[str, int, bytes]]:
@@ -162,21 +188,8 @@ def _messages(path: Path) -> Iterator[tuple[str, int, bytes]]:
         if isinstance(record, Channel):
             topics[record.id] = record.topic
         elif isinstance(record, Message):
-            yield topics[record.channel_id], record.log_time // 1000, record.data
+            yield topics.get(record.channel_id, ""), record.log_time // 1000, record.data
 
 
-def _records(path: Path) -> Iterator[object]:
-    with path.open("rb") as stream:
-        records = StreamReader(stream).records
-        begun = False
-        while True:
-            try:
-                record = next(records)
-            except StopIteration:
-                return
-            except (McapError, ValueError, EOFError, struct.error, RuntimeError) as cut:
-                if not begun:
-                    raise DecodeError("journal", f"{path}: {cut}") from None
-                return
-            begun = True
-            yield record
+def _records(path: Path) -> Iterator[McapItem]:
+    return iter(McapRecords(path, "journal", REMEDY))

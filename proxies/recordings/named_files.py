@@ -1,9 +1,36 @@
-"""Files that a file names, by their path from where it lies."""
+"""Texts of files from anyone, bounded, and files that a file names, by their path from where it lies."""
 
 from collections.abc import Callable
 from pathlib import Path
+from stat import S_ISREG
+from typing import Final
+
+LONGEST_TEXT: Final = 4 * 2**20
+"""Bytes of a text."""
+
+
+def bounded_text(path: Path, most: int = LONGEST_TEXT) -> str:
+    """The text of a file; raises OSError, also where it is longer than `most` bytes, and UnicodeDecodeError."""
+    with path.open("rb") as file:
+        data = file.read(most + 1)
+    if len(data) > most:
+        raise OSError(27, f"it is longer than {most >> 10} kB, the most that is read")
+    return data.decode("utf-8")
 
 
 def beside(path: Path) -> Callable[[str], str]:
-    """Reads the text of a file named in `path`; that raises OSError and UnicodeDecodeError."""
-    return lambda name: (path.parent / name).read_text("utf-8")
+    """Reads the text of a file named in `path`, in its folder or below; that raises OSError and UnicodeDecodeError."""
+    return lambda name: named_text(path, name)
+
+
+def named_text(path: Path, name: str) -> str:
+    """The text of the file that `path` names so; raises OSError, also for one outside its folder, and UnicodeDecodeError."""
+    if "\0" in name:
+        raise OSError(22, "its name is none of a file")
+    folder = path.parent.resolve()
+    found = (folder / name).resolve()
+    if not found.is_relative_to(folder):
+        raise OSError(13, "it lies outside the folder of the file that names it; put it there")
+    if not S_ISREG(found.stat().st_mode):
+        raise OSError(22, "it is no file of text")
+    return bounded_text(found)

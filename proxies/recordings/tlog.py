@@ -5,6 +5,7 @@ the radio garbled (their checksum says so) are passed over, as a receiver would 
 """
 
 import mmap
+import re
 import struct
 from collections.abc import Iterator
 from pathlib import Path
@@ -20,6 +21,9 @@ _STAMP = struct.Struct(">Q")
 _EARLIEST_US, _LATEST_US = 946_684_800_000_000, 4_102_444_800_000_000  # the years 2000 and 2100
 _REBOOT_US = 1_000_000
 _LONGEST = 8 + 12 + 255 + 13
+_FARTHEST = 1_000_000
+"""Bytes that are no records after which a log is given up."""
+_BEGINS = re.compile(b"[\xfe\xfd]")
 
 
 class TelemetryRecording(Recording):
@@ -81,7 +85,8 @@ def _record_at(data: mmap.mmap, offset: int) -> tuple[int, Frame] | None:
 
 def _resumed(data: mmap.mmap, offset: int) -> int | None:
     """The next place from `offset` on where a whole record is followed by another, or by the end."""
-    for at in range(offset, len(data) - 8):
+    for found in _BEGINS.finditer(data, offset + 8, min(len(data), offset + _FARTHEST)):
+        at = found.start() - 8
         record = _record_at(data, at)
         if record is None or not record[1].whole:
             continue

@@ -36,6 +36,12 @@ _CODES = {
     "char": "c",
 }
 _LARGEST_ARRAY = 10_000
+_MOST_FIELDS = 2048
+"""Of a topic, those of arrays one by one; the largest of PX4 have some 300."""
+_MOST_DEFINITIONS, _DEFINITIONS_BYTES = 4096, 1_000_000
+_DEEPEST = 8
+_FARTHEST = 16_000_000
+"""Bytes without a synchronisation mark after which a log is given up."""
 _IMU_PERIOD_US = 20_000
 _HOLD_STATES = {4: "AUTO.LOITER", 14: "OFFBOARD"}
 _ARMED_STATE = 2
@@ -73,27 +79,32 @@ class UlogRecording(Recording):
 
     def rows(self, topics: frozenset[str]) -> Iterator[tuple[str, Row]]:
         """The rows of the first instance of each topic, in file order, plain fields only."""
-        definitions: dict[str, str] = {}
+        definitions = _Definitions()
         subscribed: dict[int, tuple[str, _Layout]] = {}
         for offset, kind, body in self._messages():
             if kind == b"F":
-                name, _, fields = body.decode("ascii", "replace").partition(":")
-                definitions[name] = fields
+                if not definitions.take(body):
+                    raise self.damage(
+                        offset, f"more than {_MOST_DEFINITIONS} definitions, or {_DEFINITIONS_BYTES} bytes of them"
+                    )
             elif kind == b"A" and len(body) > 3:
                 name = body[3:].decode("ascii", "replace")
                 if body[0] == 0 and name in topics:
-                    layout = _layout(name, definitions)
-                    if layout is None:
-                        raise self.damage(
-                            offset, f"topic {name} is subscribed but not defined", "the log's head is lost"
-                        )
-                    subscribed[int.from_bytes(body[1:3], "little")] = name, layout
+                    subscribed[int.from_bytes(body[1:3], "little")] = name, self._layout(name, definitions, offset)
             elif kind == b"D" and (found := subscribed.get(int.from_bytes(body[:2], "little"))) is not None:
                 row = _row(found[1], body)
                 if row is None:
                     self.note(offset, f"a row of {found[0]} that is too short")
                 else:
                     yield found[0], row
+
+    def _layout(self, name: str, definitions: "_Definitions", offset: int) -> _Layout:
+        try:
+            return definitions.layout(name)
+        except LookupError:
+            raise self.damage(offset, f"topic {name} is subscribed but not defined", "the log's head is lost") from None
+        except ValueError as wrong:
+            raise self.damage(offset, f"topic {name} {wrong}", "the log was damaged, or made by hand") from None
 
     def _messages(self) -> Iterator[tuple[int, bytes, bytes]]:
         with self.bytes() as data:
@@ -116,48 +127,87 @@ class UlogRecording(Recording):
 
     def _synchronised(self, data: mmap.mmap, offset: int) -> int:
         """Behind the next synchronisation mark, which the logger writes every half second."""
-        at = data.find(_SYNC, offset)
+        at = data.find(_SYNC, offset, offset + _FARTHEST)
         if at == -1:
             raise self.damage(offset, "no messages from here to the end")
         self.note(offset, f"{at + len(_SYNC) - offset} bytes that are no messages")
         return at + len(_SYNC)
 
 
-def _layout(name: str, definitions: dict[str, str], depth: int = 0) -> _Layout | None:
-    text = definitions.get(name)
-    if text is None or depth > 8:
-        return None
-    fields: dict[str, tuple[int, struct.Struct]] = {}
-    offset = 0
-    for declared in filter(None, text.split(";")):
-        kind, _, field = declared.partition(" ")
-        kind, _, many = kind.partition("[")
-        number = many.rstrip("]") if many else "1"
-        if not number.isdecimal() or not 0 < int(number) <= _LARGEST_ARRAY:
-            return None
-        count = int(number)
-        code = _CODES.get(kind)
-        if code is None:
-            nested = _layout(kind, definitions, depth + 1)
-            if nested is None:
-                return None
-            offset += nested.size * count
-            continue
-        value = struct.Struct("<" + code)
-        for k in range(count):
-            fields[f"{field}[{k}]" if many else field] = offset, value
-            offset += value.size
-    return _Layout(fields, offset)
+class _Definitions:
+    """Types that a log defines, each once, and what is made of them: every type is looked at once, however often it is used."""
+
+    def __init__(self) -> None:
+        self._texts: dict[str, str] = {}
+        self._sizes: dict[str, int] = {}
+        self._layouts: dict[str, _Layout] = {}
+        self._bytes = 0
+
+    def take(self, body: bytes) -> bool:
+        """Whether there is room for it; what is defined already stays as it is."""
+        name, _, fields = body.decode("ascii", "replace").partition(":")
+        if name not in self._texts:
+            self._texts[name] = fields
+            self._bytes += len(body)
+        return len(self._texts) <= _MOST_DEFINITIONS and self._bytes <= _DEFINITIONS_BYTES
+
+    def layout(self, name: str) -> _Layout:
+        """Where the plain fields of a topic lie, padding left out.
+
+        Raises:
+            LookupError: it, or a type in it, is not defined.
+            ValueError: it is not one that a vehicle would log, and why.
+        """
+        found = self._layouts.get(name)
+        if found is None:
+            found = self._layouts[name] = self._made(name)
+        return found
+
+    def _made(self, name: str) -> _Layout:
+        fields: dict[str, tuple[int, struct.Struct]] = {}
+        offset = 0
+        for kind, field, count, is_array in self._fields(name):
+            code = _CODES.get(kind)
+            if code is None:
+                offset += self._size(kind, 1) * count
+                continue
+            value = struct.Struct("<" + code)
+            if not field.startswith("_padding"):
+                if len(fields) + count > _MOST_FIELDS:
+                    raise ValueError(f"has more than {_MOST_FIELDS} fields")
+                for k in range(count):
+                    fields[f"{field}[{k}]" if is_array else field] = offset + k * value.size, value
+            offset += count * value.size
+        return _Layout(fields, offset)
+
+    def _fields(self, name: str) -> Iterator[tuple[str, str, int, bool]]:
+        """Type, name, how many, and whether it is an array."""
+        for declared in filter(None, self._texts[name].split(";")):
+            kind, _, field = declared.partition(" ")
+            kind, _, many = kind.partition("[")
+            number = many.rstrip("]") if many else "1"
+            if not number.isdecimal() or len(number) > 5 or not 0 < int(number) <= _LARGEST_ARRAY:
+                raise ValueError(f"has an array of {number:.10} values")
+            yield kind, field, int(number), bool(many)
+
+    def _size(self, name: str, depth: int) -> int:
+        if name not in self._sizes:
+            if depth > _DEEPEST:
+                raise ValueError(f"is nested deeper than {_DEEPEST}")
+            self._sizes[name] = sum(
+                count * (struct.calcsize("<" + _CODES[kind]) if kind in _CODES else self._size(kind, depth + 1))
+                for kind, _, count, _ in self._fields(name)
+            )
+        return self._sizes[name]
 
 
 def _row(layout: _Layout, body: bytes) -> Row | None:
-    """Padding at the end of a topic is not logged, so a field that does not fit is an error only if it is no padding."""
+    """None for one that is too short; padding, which is not logged at the end of a topic, is in no layout."""
     row: Row = {}
     for name, (offset, value) in layout.fields.items():
-        if offset + 2 + value.size <= len(body):
-            row[name] = value.unpack_from(body, offset + 2)[0]
-        elif not name.startswith("_padding"):
+        if offset + 2 + value.size > len(body):
             return None
+        row[name] = value.unpack_from(body, offset + 2)[0]
     return row if "timestamp" in row else None
 
 

@@ -2,7 +2,7 @@
 
 from pathlib import Path
 
-from proxies.recordings.named_files import beside
+from proxies.recordings.named_files import named_text
 
 
 class WatchedFile:
@@ -39,7 +39,7 @@ class WatchedFiles:
     def read_named(self, name: str) -> str:
         """The text of a file that it names; raises OSError and UnicodeDecodeError."""
         self._files.append(WatchedFile(self._path.parent / name))
-        return beside(self._path)(name)
+        return named_text(self._path, name)
 
     def has_changed(self) -> bool:
         """Whether one of them is another than at the last look."""

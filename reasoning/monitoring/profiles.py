@@ -14,6 +14,7 @@ from typing import Any, Final, TypeAlias, get_args
 
 from dyknow.model.errors import TextError
 from dyknow.model.instants import parse_duration
+from dyknow.model.toml_texts import tables_of
 from reasoning.features.derivation import ALTITUDE, FEATURES, HEIGHT, needed_labels
 from reasoning.formulas.evaluation import NoValuePolicy
 
@@ -92,7 +93,7 @@ def parse_profiles(text: str, file: str = "") -> dict[str, Profile]:
         TextError: if it is no TOML, or a table lacks or misnames something; formulas are not looked into.
     """
     try:
-        tables = tomllib.loads(text)
+        tables = tables_of(text)
     except (tomllib.TOMLDecodeError, RecursionError) as error:
         raise TextError(f"no TOML: {error}", file=file) from None
     return {name: _profile(name, table, file) for name, table in tables.items()}

@@ -6,6 +6,7 @@ from typing import Any
 
 from dyknow.model.errors import WrongCall
 from federation.messages.contents.areas import MAX_CORNERS
+from proxies.recordings.named_files import bounded_text
 
 
 def corners_of(file: str) -> tuple[str, ...]:
@@ -15,7 +16,7 @@ def corners_of(file: str) -> tuple[str, ...]:
         WrongCall: it cannot be read, or has no Polygon, several, one with holes or with too many corners.
     """
     try:
-        found = list(_polygons(json.loads(Path(file).read_text(encoding="utf-8"))))
+        found = list(_polygons(json.loads(bounded_text(Path(file)))))
     except (OSError, TypeError, ValueError, RecursionError) as error:
         raise WrongCall(f"area: {file} cannot be read as GeoJSON: {error}") from None
     if len(found) != 1:

@@ -5,6 +5,7 @@ from agents.extensions import load_extension
 from compunits import catalogue
 from federation.members.clock import FederationClock
 from federation.sharing.translation import Translation
+from proxies.recordings.named_files import bounded_text
 from reasoning import builtin_profiles, parse_profiles
 from runtime.configuration.config import NodeConfig
 from runtime.configuration.ontologies import ontology_of
@@ -23,10 +24,10 @@ def platform_config(config: NodeConfig, clock: FederationClock, started_us: int,
     ontology = ontology_of(config.extensions, config.ontology)
     translation = None
     if config.translation is not None:
-        translation = Translation.parse(ontology, config.translation.read_text("utf-8"), str(config.translation))
+        translation = Translation.parse(ontology, bounded_text(config.translation), str(config.translation))
     profiles = dict(builtin_profiles())
     if config.profiles is not None:
-        profiles |= parse_profiles(config.profiles.read_text("utf-8"), str(config.profiles))
+        profiles |= parse_profiles(bounded_text(config.profiles), str(config.profiles))
     return PlatformConfig(
         unit=config.unit,
         boot=started_us // 1000,

@@ -8,6 +8,7 @@ from typing import NamedTuple
 
 from dyknow.model.errors import RosterError
 from federation.security.trust import Roster, Trust
+from proxies.recordings.named_files import bounded_text
 from proxies.zenoh.configuration import LOOPBACK, ZenohOptions
 from runtime.accepted_acts import read_accepted
 from runtime.configuration.config import TrustConfig, WireConfig
@@ -73,7 +74,7 @@ def wire_options(wire: WireConfig) -> ZenohOptions:
     security = None
     if wire.security is not None:
         try:
-            security = json.loads(wire.security.read_text(encoding="utf-8"))
+            security = json.loads(bounded_text(wire.security))
             files = security["transport"]["link"]["tls"]
             files |= {key: str(wire.security.parent.resolve() / files[key]) for key in _FILES}
         except (OSError, ValueError, LookupError, TypeError) as wrong:
@@ -89,7 +90,7 @@ def read_roster(path: Path, federation: str) -> Roster:
         OSError: it cannot be read.
     """
     try:
-        roster = Roster.parse(path.read_text("utf-8"))
+        roster = Roster.parse(bounded_text(path))
         roster.check_federation(federation)
     except RosterError as wrong:
         raise RosterError(f"--roster {path}: {wrong}") from None

@@ -1,28 +1,31 @@
 """TOML files that users write: unknown and mistyped keys are errors with file, line and remedy."""
 
 import re
-import tomllib
 from pathlib import Path
-from typing import Any, TypeVar
+from typing import Any, Final, TypeVar
 
 from pydantic import BaseModel, ValidationError
 
 from dyknow.model.errors import WrongCall, did_you_mean
+from dyknow.model.toml_texts import tables_of
+from proxies.recordings.named_files import bounded_text
 
 M = TypeVar("M", bound=BaseModel)
+MOST_MISTAKES: Final = 50
+"""Mistakes of a file that are told."""
 
 
 def read_toml(path: Path) -> dict[str, Any]:
     """The file as a dictionary; raises WrongCall with place and remedy if it is missing or malformed."""
     try:
-        text = path.read_text(encoding="utf-8")
+        text = bounded_text(path)
     except OSError as error:
         raise WrongCall(f"{path}: cannot be read ({error.strerror}); check the path and its rights.") from None
     except UnicodeDecodeError:
         raise WrongCall(f"{path}: is not UTF-8 text; a federation or configuration is a TOML file.") from None
     try:
-        return tomllib.loads(text)
-    except tomllib.TOMLDecodeError as error:
+        return tables_of(text)
+    except (ValueError, RecursionError) as error:
         raise WrongCall(f"{path}: is not TOML: {error}.") from None
 
 
@@ -32,13 +35,13 @@ def read_model(path: Path, model: type[M]) -> M:
     try:
         return model.model_validate(found)
     except ValidationError as error:
-        raise WrongCall("\n".join(explained(error, str(path), path.read_text(encoding="utf-8"), model))) from None
+        raise WrongCall("\n".join(explained(error, str(path), bounded_text(path), model))) from None
 
 
 def explained(error: ValidationError, place: str, text: str, model: type[BaseModel]) -> list[str]:
     """One sentence a mistake: place, what is wrong, what to write instead."""
     sentences = []
-    for mistake in error.errors():
+    for mistake in error.errors()[:MOST_MISTAKES]:
         path = [str(part) for part in mistake["loc"]]
         name = ".".join(path)
         where = f"{place}:{_line_of(text, path)}" if text else place

@@ -138,6 +138,7 @@ class _Part:
         self._writer: Any = Writer(self._file, chunk_size=_CHUNK, compression=CompressionType.LZ4)
         self._writer.start(profile="dyknow", library="dyknow")
         self._writer.add_metadata(ABOUT, dict(about))
+        self._file.flush()
         self._channels: dict[str, int] = {}
         self._schema: int | None = None
 

@@ -4,20 +4,17 @@ A file may come from anyone: what is too long, too deep or of another form ends 
 """
 
 import json
-import struct
 from collections.abc import Callable, Iterator, Mapping
 from pathlib import Path
-from typing import IO, Any, Final, NamedTuple
+from typing import Any, Final, NamedTuple
 
-from mcap.exceptions import McapError
-from mcap.records import Channel, Chunk, DataEnd, Footer, Header, McapRecord, Message, Metadata, Schema
-from mcap.stream_reader import StreamReader, breakup_chunk
+from mcap.records import Channel, Header, Message, Metadata, Schema
 
 from dyknow.model.errors import DecodeError, WrongCall
+from proxies.recordings.mcap_records import LARGEST_CHUNK, End, McapItem, McapRecords
 from runtime.recordings.recording_file import ABOUT, LONGEST_MESSAGE, PROFILE
 
-LARGEST_CHUNK: Final = 16_000_000
-_DAMAGE = (McapError, ValueError, EOFError, struct.error, RuntimeError, KeyError, MemoryError, OverflowError)
+REMEDY: Final = "dyknow record FILE.mcap makes one"
 
 
 class RecordedMessage(NamedTuple):
@@ -49,17 +46,16 @@ class FederationRecording:
         self.about: Mapping[str, str] = self._read_about()
 
     def _read_about(self) -> Mapping[str, str]:
-        is_ours = False
+        is_ours = True
         for record in self._records():
-            if isinstance(record, Header):
-                is_ours = record.profile == PROFILE
-            elif isinstance(record, Metadata) and record.name == ABOUT and is_ours:
+            if isinstance(record, Header) and record.profile == PROFILE:
+                continue
+            if isinstance(record, Metadata) and record.name == ABOUT:
                 return dict(record.metadata)
-            else:
-                break
-        raise DecodeError(
-            "recording", f"{self.path} is no recording of a federation; dyknow record FILE.mcap makes one"
-        )
+            is_ours = False
+            break
+        why = ": nothing is in it: it was cut off as it was made" if is_ours else " is no recording of a federation"
+        raise DecodeError("recording", f"{self.path}{why}; {REMEDY}")
 
     def messages(self, wanted: Callable[[str], bool] = lambda _topic: True) -> Iterator[RecordedMessage]:
         """Every message of the topics that are wanted, in the order of the file."""
@@ -81,62 +77,14 @@ class FederationRecording:
                 else:
                     yield RecordedMessage(record.log_time // 1000, topic, schema, message)
 
-    def _records(self) -> Iterator[McapRecord]:
-        """The records before the index at the end."""
-        self.is_whole, is_begun = False, False
-        with self.path.open("rb") as stream:
-            records = _StreamedRecords(stream)
-            while True:
-                try:
-                    record = next(records.all)
-                except StopIteration:
-                    return
-                except _DAMAGE as damage:
-                    if not is_begun:
-                        raise DecodeError("recording", f"{self.path}: {str(damage) or 'it is empty'}") from None
-                    return
-                if isinstance(record, DataEnd | Footer):
-                    self.is_whole = True
-                    return
-                is_begun = True
-                yield record
-
-
-class _StreamedRecords:
-    """The records of a file, chunks unpacked as far as they are as large as ours."""
-
-    def __init__(self, stream: IO[bytes]) -> None:
-        reader: Any = StreamReader(stream, emit_chunks=True, record_size_limit=LARGEST_CHUNK)
-        self.all = self._unpacked(reader.records)
-
-    def _unpacked(self, records: Iterator[McapRecord]) -> Iterator[McapRecord]:
-        for record in records:
-            if isinstance(record, Chunk):
-                data = _decompressed(record.compression, record.data)
-                record.compression, record.data = "", data
-                yield from breakup_chunk(record)
-            else:
-                yield record
-
-
-def _decompressed(compression: str, data: bytes) -> bytes:
-    """Raises ValueError for what is larger than a chunk may be, however small it is packed."""
-    if compression == "lz4":
-        from lz4.frame import LZ4FrameDecompressor
-
-        unpacked: bytes = LZ4FrameDecompressor().decompress(data, max_length=LARGEST_CHUNK + 1)
-    elif compression == "zstd":
-        from zstandard import ZstdDecompressor
-
-        with ZstdDecompressor(max_window_size=LARGEST_CHUNK).stream_reader(data) as stream:
-            unpacked = stream.read(LARGEST_CHUNK + 1)
-    elif compression:
-        raise ValueError(f"chunks are packed with {compression:.20}")
-    else:
-        unpacked = data
-    if len(unpacked) > LARGEST_CHUNK:
-        raise ValueError(f"a chunk unpacks to more than {LARGEST_CHUNK / 1e6:g} MB")
-    return unpacked
+    def _records(self) -> Iterator[McapItem]:
+        """The records before the index at the end; raises DecodeError where there is more in it than is read."""
+        self.is_whole = False
+        for record in McapRecords(self.path, "recording", REMEDY):
+            if isinstance(record, End):
+                self.is_whole = True
+                return
+            yield record
 
 
 def _parsed(data: bytes) -> Mapping[str, Any] | None:

@@ -10,6 +10,7 @@ import numpy as np
 
 from anchoring.belief.arrays import Floats
 from dyknow.model.errors import TextError, TextErrors, did_you_mean
+from dyknow.model.toml_texts import tables_of
 
 MOST_CHARACTERS: Final = 4 * 2**20
 MOST_ERRORS: Final = 50
@@ -31,7 +32,7 @@ class TomlText:
         if len(self.text) > MOST_CHARACTERS:
             raise TextErrors((self._error(f"{len(self.text)} characters, {MOST_CHARACTERS} are allowed", example),))
         try:
-            return TomlTable(self, (), tomllib.loads(self.text))
+            return TomlTable(self, (), tables_of(self.text))
         except tomllib.TOMLDecodeError as wrong:
             place = re.search(r"line (\d+), column (\d+)", str(wrong))
             line, column = (int(place[1]), int(place[2])) if place else (self.text.count("\n") + 1, 1)
@@ -42,7 +43,9 @@ class TomlText:
             raise TextErrors((self._error(why, example),)) from None
 
     def wrong(self, path: Sequence[str], message: str, repair: str) -> None:
-        """Note an error at a key."""
+        """Note an error at a key; further ones are not told."""
+        if len(self.errors) >= MOST_ERRORS:
+            return
         line = self._line(tuple(path))
         name = path[-1] if path else ""
         written = self.text.splitlines()[line - 1] if self.text else ""

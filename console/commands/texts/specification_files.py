@@ -7,6 +7,7 @@ from pathlib import Path
 from typing import TYPE_CHECKING, TextIO, TypeVar
 
 from dyknow.model.errors import SourceText, WrongCall
+from proxies.recordings.named_files import bounded_text
 
 if TYPE_CHECKING:
     from dyknow import Network, Prototype
@@ -24,7 +25,7 @@ def read_text(path: Path) -> SourceText:
     try:
         if path.stat().st_size > LONGEST_FILE:
             raise WrongCall(f"{path} is larger than {LONGEST_FILE >> 10} kB, the most that is read; split it.")
-        return SourceText(path.read_text("utf-8"), str(path))
+        return SourceText(bounded_text(path, LONGEST_FILE), str(path))
     except (OSError, UnicodeDecodeError) as error:
         raise WrongCall(f"{path} cannot be read ({error}); a specification is a text file.") from None
 

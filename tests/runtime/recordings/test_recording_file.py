@@ -3,8 +3,10 @@
 import multiprocessing
 import os
 import random
+import re
 import resource
 import time
+from collections import Counter
 from collections.abc import Callable
 from multiprocessing.connection import Connection
 from pathlib import Path
@@ -17,8 +19,12 @@ from mcap.reader import make_reader
 from mcap.writer import CompressionType, Writer
 
 from dyknow.model.errors import DecodeError, WrongCall
+from federation.transport import AskEnded
+from proxies.recordings.journal_file import Stepped, read_about, read_journal
+from proxies.recordings.mcap_records import LARGEST_CHUNK
+from runtime.journal.journal import Journal
 from runtime.recordings import foxglove
-from runtime.recordings.recorded import LARGEST_CHUNK, FederationRecording, mend
+from runtime.recordings.recorded import FederationRecording, mend
 from runtime.recordings.recording_file import ABOUT, FLUSH_US, LONGEST_MESSAGE, PROFILE, SAMPLE, RecordingFile
 from runtime.recordings.summary import summary_of
 
@@ -89,6 +95,48 @@ def test_what_is_killed_while_it_records_leaves_a_file_that_opens_and_lacks_at_m
             assert mend(recording, path.with_suffix(".whole.mcap")) == sum(1 for _ in recording.messages())
             with path.with_suffix(".whole.mcap").open("rb") as stream:
                 assert make_reader(stream).get_summary() is not None
+
+
+def _journal_until_killed(path: Path) -> None:
+    with Journal(path, ABOUT_IT) as journal:
+        while True:
+            journal.on_event(AskEnded(1, 2), now_us())
+            time.sleep(0.002)
+
+
+def _record_from_the_start(path: Path) -> None:
+    mine, its = FORK.Pipe()
+    _record_until_killed(path, its)
+    mine.close()
+
+
+@pytest.mark.parametrize("write", [_record_from_the_start, _journal_until_killed])
+def test_what_is_killed_as_it_is_made_opens_or_says_that_nothing_is_in_it(
+    write: Callable[[Path], None], tmp_path: Path
+) -> None:
+    choose, outcomes = random.Random(18), Counter[str]()
+    for number in range(KILLS):
+        path = tmp_path / f"{number}.mcap"
+        process = FORK.Process(target=write, args=(path,))
+        process.start()
+        until_us = now_us() + 20_000_000
+        while not path.exists() and now_us() < until_us:
+            pass
+        time.sleep(choose.choice([0.0, 0.0002, 0.001, 0.01]))
+        process.kill()
+        process.join()
+        try:
+            if write is _journal_until_killed:
+                assert read_about(path) == ABOUT_IT
+                outcomes["opened"] += all(isinstance(one, Stepped) for one in read_journal(path))
+            else:
+                recording = FederationRecording(path)
+                outcomes["opened"] += recording.about == ABOUT_IT and list(recording.messages()) is not None
+        except DecodeError as empty:
+            assert re.search("the file is empty|nothing is in it", str(empty))
+            outcomes["empty"] += 1
+    print(dict(outcomes))
+    assert outcomes.total() == KILLS
 
 
 def test_the_file_is_never_larger_than_asked_and_what_is_in_it_has_an_index(tmp_path: Path) -> None:
@@ -188,9 +236,7 @@ def test_a_damaged_file_is_read_to_the_damage_or_refused(
 
 
 @pytest.mark.parametrize("compression", [CompressionType.LZ4, CompressionType.ZSTD])
-def test_a_chunk_that_unpacks_to_far_more_than_ours_ends_the_reading(
-    tmp_path: Path, compression: CompressionType
-) -> None:
+def test_a_chunk_that_unpacks_to_far_more_than_ours_is_refused(tmp_path: Path, compression: CompressionType) -> None:
     with (tmp_path / "a.mcap").open("wb") as stream:
         writer: Any = Writer(stream, compression=compression, chunk_size=10 * LARGEST_CHUNK)
         writer.start(profile=PROFILE)
@@ -201,7 +247,8 @@ def test_a_chunk_that_unpacks_to_far_more_than_ours_ends_the_reading(
         writer.finish()
     assert (tmp_path / "a.mcap").stat().st_size < LARGEST_CHUNK
     recording = FederationRecording(tmp_path / "a.mcap")
-    assert [*recording.messages()] == []
+    with pytest.raises(DecodeError, match=r"byte \d+: a chunk unpacks to more than 4 MB; dyknow record"):
+        list(recording.messages())
     assert not recording.is_whole
 
 
