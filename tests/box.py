@@ -252,6 +252,7 @@ class Box(World):
 
     wire: RecordedWire
     report_us = 0
+    raises = False  # each platform as it joins
 
     def __init__(
         self,

@@ -54,8 +54,7 @@ from sim_uavs.world.sessions import SessionLink
 from sim_uavs.world.units import DriftingClock, WorldNode, WorldVehicle
 from sim_uavs.world.wire import LEASE_US, Wire
 
-START_US = 1_700_000_000_000_000
-TRUTH_US = 100_000
+START_US, TRUTH_US = 1_700_000_000_000_000, 100_000
 LASTING = lasting_heads()
 """Requests that live until they are cancelled."""
 T = TypeVar("T")
@@ -71,6 +70,8 @@ class World:
         truth_us: how often true positions are noted; None: never.
     """
 
+    raises = False  # whether a run raises at once what a part does; False: platforms contain it, as real ones do
+
     def __init__(
         self,
         seed: int,
@@ -82,8 +83,7 @@ class World:
         trace: Callable[[str], None] | None = None,
         truth_us: int | None = TRUTH_US,
     ) -> None:
-        self.agenda = Agenda(start_us)
-        self.random = Random(seed)
+        self.agenda, self.random = Agenda(start_us), Random(seed)
         self.wire = Wire(self.agenda, Random(self.random.getrandbits(64)), link, lease_us=lease_us, reach=reach)
         self.nodes: dict[str, WorldNode] = {}
         self.start_us = start_us
@@ -130,7 +130,8 @@ class World:
         drift_ppm: float = 0.0,
     ) -> WorldNode:
         """A unit joins: its process starts, with a clock that is off by `offset_us`."""
-        config = replace(config or PlatformConfig(unit, 0), unit=unit, vehicle=vehicle is not None)
+        config = config or PlatformConfig(unit, 0)
+        config = replace(config, unit=unit, vehicle=vehicle is not None, contained=config.contained and not self.raises)
 
         def make(zid: str, node_us: int) -> Platform:
             return Platform(replace(config, boot=node_us // 1000, zid=zid), node_us)
