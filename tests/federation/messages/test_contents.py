@@ -34,7 +34,7 @@ TEXTS = [
     "(stream-proposal semantic-label: battery cost: 2.5 sample-period: 0.1 delay: 0.2 certainty: 0.9)",
     "(take-proposal)",
     '(divide-area area: (sequence "58.0 15.0" "58.0 15.1" "58.1 15.1") sensor: camera-state)',
-    '(assign-area task: cc-1-2.0 generation: 3 rings: (sequence (area-ring corners: (sequence "58 15" "58 15.1" "58.1 15.1"))) area_m2: 5.5 share: 0.5 middle: "58 15.05" whole: (sequence "58 15" "58 15.1" "58.1 15.1"))',
+    '(assign-area task: cc-1-2.0 generation: 3 rings: (sequence (area-ring corners: (sequence "58 15" "58 15.1" "58.1 15.1"))) area_m2: 5.5 share: 0.5 middle: "58 15.05")',
     '(leave-proposal because: "certainty 0.5, not 0.8")',
     "(import-list)",
     "(specification)",
