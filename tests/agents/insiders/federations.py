@@ -40,7 +40,7 @@ from sim_uavs.roads.layouts import network_of
 from sim_uavs.streets import carried_over, roads_of, watching
 from sim_uavs.world.units import DriftingClock, WorldNode
 from sim_uavs.world.world import START_US, World
-from tests.agents.hostile.drawing import LASTING, Drawing
+from tests.agents.insiders.drawing import LASTING, Drawing
 
 P = Performative
 HONEST: Final = ("0", "1")

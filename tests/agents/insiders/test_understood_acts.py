@@ -6,7 +6,7 @@ from pathlib import Path
 import pytest
 
 from federation.sharing.exports import LINGER_US
-from tests.agents.hostile.federations import HONEST, MOST, SCENARIOS, HostileFederation
+from tests.agents.insiders.federations import HONEST, MOST, SCENARIOS, HostileFederation
 
 WHOLE = 1_000_000
 SEEDS = (1, 2, 3)
