@@ -2,7 +2,7 @@
 
 One of its commanders has it: its pilot's own hands (a mode that takes no positions, and whatever has happened
 since until a user asks for something), then giving way to another vehicle, then a mission, then a single order, then the
-route that the platform was started with. A vehicle that stands disarmed is in no hands.
+route that the platform was started with. A user's own order has the mission wait. A vehicle that stands disarmed is in no hands.
 
 Each rule about the vehicle's state is a sentence, or None where it forbids nothing. Where the vehicle may be sent is in
 `agents.flight.places`.
@@ -21,8 +21,6 @@ _FOR_MISSIONS = vehicle.InterruptOrder | vehicle.ResumeMissionOrder | vehicle.Mi
 NO_CONTROL: Final = "this platform was not given control of its vehicle (join with --control)"
 _MODE = "the vehicle is in mode {}"
 ENDINGS: Final = vehicle.LandOrder | vehicle.ReturnHomeOrder
-STOPS: Final = vehicle.HoldOrder | ENDINGS
-"""Single orders that take a vehicle from a mission: it then waits, as for the pilot's hands."""
 GROUND: Final = vehicle.SetGuided | vehicle.Arm | vehicle.TakeOffOrder
 """Orders with which a mission takes off."""
 

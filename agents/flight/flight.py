@@ -206,7 +206,7 @@ class FlightAgent(Part):
             self._await(act, commands, now_us)
 
     def _order(self, act: Act, order: Order, now_us: int) -> None:
-        self._await(act, self.pilot.order(order), now_us)
+        self._await(act, self.pilot.command(order), now_us)
 
     def _await(self, act: Act, commands: Iterable[Command], now_us: int) -> None:
         """Agree, send, and inform when the vehicle has taken the order over; a newer order ends the wait for an older."""

@@ -10,7 +10,6 @@ sent until a user asks for it. What becomes of an order is in `agents.flight.err
 from collections.abc import Callable
 from dataclasses import dataclass, field
 
-from agents.flight import arbiter
 from agents.flight.arbiter import ENDINGS, HEARD_WITHIN_US, CommandClaims, Commander, MissionClaim, in_words
 from agents.flight.errand import Errand, OrderProgress
 from agents.flight.heard_vehicle import FORBIDDEN, HeardVehicle, InterruptedMission
@@ -43,6 +42,7 @@ class Pilot(HeardVehicle):
         diversion: the present manoeuvre, and whether it is flown; None when the vehicle does not give way.
         mission: the mission that commands the vehicle, or waits.
         leg: which place of the route is flown to next.
+        waiting: why missions wait that have no leader now; each still does when it joins again.
     """
 
     errand: Errand | None = None
@@ -58,6 +58,7 @@ class Pilot(HeardVehicle):
     _raised_to_m: float | None = None
     _lowered_to_m: float | None = None
     leg: int = 0
+    waiting: dict[str, str] = field(default_factory=dict)
     _goal: vehicle.Order | None = None
     _attempts: int = 0
     _again_us: int | None = None
@@ -251,15 +252,19 @@ class Pilot(HeardVehicle):
     # -- orders ------------------------------------------------------------------------------------------------
 
     def order(self, order: vehicle.Order, by: Commander = Commander.ORDER) -> list[vehicle.Command]:
-        """Carry out an order: it replaces the route until `proceed`. One of a user's to stop has a mission wait.
-
-        Raises:
-            Refused: naming the rule, or the vehicle's commander.
-        """
+        """Carry out an order: it replaces the route until `proceed`; raises Refused: the rule, or the commander."""
         self.check(order)
         self._claims_against(order, by).check(by)
-        if by is Commander.ORDER:
-            self.mission.wait(f"a user ordered {in_words(order)}")
+        return self._replace(order)
+
+    def command(self, order: vehicle.Order) -> list[vehicle.Command]:
+        """Carry out a user's own order: a mission that has the vehicle waits until `proceed`; raises Refused, as `order`."""
+        self.check(order)
+        self._claims_against(order, Commander.ORDER)._replace(mission="").check(Commander.ORDER)
+        self.mission.wait(f"a user ordered {in_words(order)}")
+        return self._replace(order)
+
+    def _replace(self, order: vehicle.Order) -> list[vehicle.Command]:
         if self.standing is None:
             self._before = self.others_target()
         self.diversion = self._aside = None
@@ -271,8 +276,6 @@ class Pilot(HeardVehicle):
         if by is not Commander.ORDER:
             return self.claims._replace(hands=self.mission.waits or self.claims.hands)
         claims = self.claims._replace(hands="")
-        if isinstance(order, arbiter.STOPS):
-            claims = claims._replace(mission="")
         return claims._replace(avoidance="") if isinstance(order, ENDINGS) else claims
 
     @property
@@ -300,10 +303,12 @@ class Pilot(HeardVehicle):
         self.claims.check(Commander.MISSION)
         if self.mission.name and self.mission.name != name:
             raise Refused(f"mission {self.mission.name} has the vehicle", "mission")
-        self.mission = MissionClaim(name)
+        self.mission = MissionClaim(name, self.waiting.pop(name, ""))
 
-    def end_mission(self) -> None:
-        """The mission is over; what it ordered last stands."""
+    def end_mission(self, *, is_over: bool = True) -> None:
+        """No mission has the vehicle; what was ordered last stands. One that waits and is not over waits when it joins again."""
+        if self.mission.waits and not is_over:
+            self.waiting[self.mission.name] = self.mission.waits
         self.mission = MissionClaim()
 
     def prepare(self, order: vehicle.Order) -> list[vehicle.Command]:
@@ -357,11 +362,7 @@ class Pilot(HeardVehicle):
         return leg, wanted
 
     def divert(self, altitude_m: float | None, place: tuple[float, float] | None = None) -> list[vehicle.Command]:
-        """Avoid another vehicle: stop at `altitude_m` above mean sea level, at `place` (WGS-84 degrees); None: where it is.
-
-        Raises:
-            Refused: naming the rule.
-        """
+        """Avoid another vehicle: stop at `altitude_m` above mean sea level, at `place` (WGS-84 degrees); None: where it is."""
         order = self.stop(altitude_m, place)
         self.check(order)
         self.claims.check(Commander.AVOIDANCE)

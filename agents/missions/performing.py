@@ -97,6 +97,7 @@ class Performing(Part):
         self._authority, self.permits = authority, Permits(unit, role_of, authority)
         self._joined: _Joined | None = None
         self._due_us = 0
+        self._is_released = False
         self._shown: ConditionEntry | None = None
 
     def conditions(self) -> Iterable[ConditionEntry]:
@@ -127,6 +128,7 @@ class Performing(Part):
     def on_permit(self, act: Act, content: PermitMission, now_us: int) -> None:
         """`(permit-mission ...)`: let platforms lead a mission with this vehicle."""
         self.permits.permit(self._authority.delegated(act, content), now_us)
+        self._pilot.waiting.pop(content.mission, None)
         self._agent.done(act, now_us)
 
     def on_join(self, act: Act, content: JoinMission, now_us: int) -> None:
@@ -176,7 +178,7 @@ class Performing(Part):
             return
         if joined.run is not None and not joined.run.is_over:
             self.stop("loiter")
-        self._pilot.end_mission()
+        self._pilot.end_mission(is_over=is_over and not self._is_released)
         if is_over:
             self.permits.end(joined.mission)
         self._show(now_us)
@@ -197,7 +199,11 @@ class Performing(Part):
     def _release(self, joined: _Joined, now_us: int) -> None:
         """The vehicle holds, and is free for the next leader."""
         permit = self.permits.of(joined.mission, now_us)
-        self._tasks.cancel(joined.conversation, now_us)
+        self._is_released = True
+        try:
+            self._tasks.cancel(joined.conversation, now_us)
+        finally:
+            self._is_released = False
         if permit is not None:
             self.permits.permit(permit, now_us)
 

@@ -18,6 +18,7 @@ from navigation.vehicle import (
     HomeReport,
     LandOrder,
     Order,
+    ReturnHomeOrder,
     SetGuided,
     StatusReport,
     TakeOffOrder,
@@ -64,6 +65,7 @@ EVENTS = st.sampled_from(
         "divert",
         "way free",
         "other station",
+        "next leader",
     ]
 )
 
@@ -80,17 +82,18 @@ def test_a_mission_never_sends_anything_while_another_goes_before_it(events: lis
                     tell(pilot, mode=mode)
                     hands |= mode == "LOITER"
                 case "goto" | "hold":
-                    before = hands
-                    pilot.order(ELSEWHERE if event == "goto" else HoldOrder())
-                    assert before or event == "hold", "a mission is not taken over by a simple goto"
+                    pilot.command(ELSEWHERE if event == "goto" else HoldOrder())
                     hands = True
                 case "resume":
                     waited = bool(pilot.mission.waits)
                     pilot.proceed()
                     hands = hands and not waited
-                case "mission goto" | "mission land":
+                case "mission goto" | "mission land" if pilot.mission.name:
                     order = THERE if event == "mission goto" else LandOrder()
                     sent = [each.order for each in pilot.order(order, Commander.MISSION)]
+                case "next leader":
+                    pilot.end_mission(is_over=False)
+                    pilot.begin_mission("m")
                 case "divert":
                     pilot.divert(90.0)
                 case "way free":
@@ -138,15 +141,38 @@ def test_a_mission_does_not_resume_in_a_mode_that_its_pilot_chose() -> None:
     assert pilot.mission.waits
 
 
-def test_a_simple_goto_does_not_take_the_vehicle_from_a_mission_but_hold_does() -> None:
+@pytest.mark.parametrize("order", [ELSEWHERE, HoldOrder(), LandOrder(), ReturnHomeOrder()])
+def test_a_users_order_takes_the_vehicle_from_a_mission_until_it_is_resumed(order: Order) -> None:
     pilot = flown()
-    with pytest.raises(Refused, match="dyknow mission abort") as refused:
-        pilot.order(ELSEWHERE)
-    assert refused.value.code == "mission"
-    pilot.order(HoldOrder())
-    assert pilot.mission.waits == "a user ordered hold"
-    pilot.order(ELSEWHERE)
-    assert pilot.flying == "order"
+    pilot.order(THERE, Commander.MISSION)
+    assert [each.order for each in pilot.command(order)] == [order]
+    for _ in range(3):  # its leader leaves, and leads it again
+        with pytest.raises(Refused) as refused:
+            pilot.order(THERE, Commander.MISSION)
+        assert refused.value.code == "hands"
+        pilot.end_mission(is_over=False)
+        assert pilot.standing == order
+        pilot.begin_mission("m")
+        assert pilot.mission.waits.startswith("a user ordered")
+    assert pilot.proceed() == []
+    assert [each.order for each in pilot.order(THERE, Commander.MISSION)] == [THERE]
+
+
+def test_a_mission_that_is_permitted_anew_waits_for_nothing() -> None:
+    pilot = flown()
+    pilot.command(HoldOrder())
+    pilot.end_mission(is_over=False)
+    pilot.waiting.pop("m")
+    pilot.begin_mission("m")
+    assert not pilot.mission.waits
+
+
+def test_following_takes_no_vehicle_from_a_mission() -> None:
+    pilot = flown()
+    for order in (ELSEWHERE, HoldOrder()):
+        with pytest.raises(Refused, match="dyknow mission abort") as refused:
+            pilot.order(order)
+        assert refused.value.code == "mission"
 
 
 def test_giving_way_goes_before_a_mission_which_flies_on_afterwards() -> None:

@@ -60,15 +60,18 @@ def test_a_change_of_mode_has_the_mission_wait_nothing_is_sent_until_a_user_resu
     assert flown.stands()
 
 
-def test_a_simple_goto_is_refused_while_a_mission_flies_and_hold_has_it_wait() -> None:
+def test_a_users_goto_and_hold_have_a_mission_wait_until_it_is_resumed() -> None:
     flown = Flown(airborne=True)
     mission = flown.begin()
     flown.until(mission, "started: fly-to(uav0, barn)")
-    ((performative, said),) = flown.ask(Goto(latitude_deg=55.7241, longitude_deg=13.46, altitude_m=60.0))
-    assert (performative, said.code) == ("refuse", "mission")
+    assert flown.ask(Goto(latitude_deg=55.7241, longitude_deg=13.46, altitude_m=60.0))[0][0] == "agree"
+    flown.until(mission, "waits: waiting for the pilot: uav0 is flown by hand: a user ordered goto")
+    assert isinstance(flown.vehicles[0].commands[-1][1], GoToOrder)
     assert flown.ask(Hold())[0][0] == "agree"
-    flown.until(mission, "waits: waiting for the pilot: uav0 is flown by hand: a user ordered hold")
     assert isinstance(flown.vehicles[0].commands[-1][1], HoldOrder)
+    flown.ask(Resume())
+    flown.until(mission)
+    assert told(mission)[-1] == "inform: reached: the plan is done"
 
 
 def test_a_vehicle_whose_platform_is_gone_leaves_its_places_to_the_other() -> None:
