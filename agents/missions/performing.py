@@ -119,6 +119,11 @@ class Performing(Part):
         return "" if self._joined is None else self._joined.leader
 
     @property
+    def leader_boot(self) -> int:
+        """Which life of it."""
+        return 0 if self._joined is None else self._joined.boot
+
+    @property
     def waits(self) -> str:
         """Why it takes no commands of that mission now."""
         return self._pilot.mission.waits

@@ -17,6 +17,7 @@ from agents.missions.led_mission import LedMission, MissionOrder
 from agents.missions.mission_texts import MissionTexts, texts_of
 from agents.missions.performing import Performing
 from agents.part import Part, PeerChange
+from agents.tasks.authority import Authority
 from dyknow.model.errors import Refused
 from federation.members.directory import DirectoryFacilitator, unit_order
 from federation.members.liveness import PlatformAppeared, PlatformGone
@@ -64,6 +65,7 @@ class MissionSuccession(Part):
         directory: DirectoryFacilitator,
         performing: Performing,
         leading: MissionLeading,
+        authority: Authority,
         note: Callable[[str], None],
     ) -> None:
         self._unit, self._agent, self._directory = unit, agent, directory
@@ -71,6 +73,11 @@ class MissionSuccession(Part):
         self._told: dict[str, _Told] = {}
         self._kept: _Kept | None = None
         self._due_us = 0
+        authority.on_over.append(self._on_over)
+
+    def _on_over(self, mission: str, _now_us: int) -> None:
+        if self._kept is not None and self._kept.content.mission == mission:
+            self._kept = None
 
     # -- as the leader -----------------------------------------------------------------------------------------
 
@@ -135,11 +142,15 @@ class MissionSuccession(Part):
 
     def _take_over(self, kept: _Kept, now_us: int) -> None:
         content, why = kept.content, f"its leader, platform {kept.leader}, is gone"
-        if self._performing.permits.turn(content.mission, now_us):
+        is_led = self._performing.mission == content.mission
+        if not is_led and self._performing.permits.turn(content.mission, now_us):
             kept.due_us = now_us + AFTER_US
             return
         kept.due_us = None
         mission = self._performing.mission
+        if mission == content.mission and self._performing.leader != kept.leader:
+            kept.leader, kept.boot = self._performing.leader, self._performing.leader_boot
+            return
         if mission:
             self._note(
                 f"mission {content.mission}: {why}; this vehicle takes part in mission {mission} of {self._performing.leader}"
