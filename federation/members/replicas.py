@@ -21,6 +21,8 @@ UNASKED_US = 300_000
 RETRY_US = 50_000
 RETRY_MOST_US = 2_000_000
 ASK_TIMEOUT_US = 1_000_000
+NEW_PER_S, NEW_BURST = 4.0, 16.0
+"""New descriptions of one platform that are read; what comes faster is asked for later."""
 MOST_BYTES = 4 << 20
 """Of all descriptions that one directory holds, as they are sent: a hundred platforms have a quarter of it."""
 
@@ -40,7 +42,20 @@ class PlatformRefused(NamedTuple):
 class Replica:
     """What one incarnation of a platform says of itself; version 0 before the first answer."""
 
-    __slots__ = ("asked", "backoff_us", "boot", "due_us", "found", "offers", "refusal", "size", "unit", "version")
+    __slots__ = (
+        "asked",
+        "backoff_us",
+        "boot",
+        "due_us",
+        "found",
+        "offers",
+        "read_us",
+        "refusal",
+        "size",
+        "tokens",
+        "unit",
+        "version",
+    )
 
     def __init__(self, unit: str, boot: int, now_us: int) -> None:
         self.unit, self.boot = unit, boot
@@ -51,6 +66,16 @@ class Replica:
         self.asked: int | None = None
         self.due_us = now_us
         self.backoff_us = RETRY_US
+        self.tokens, self.read_us = NEW_BURST, now_us
+
+    def may_be_read(self, at_us: int) -> bool:
+        """Whether one more description of it is read now."""
+        gained = max(0, at_us - self.read_us) * NEW_PER_S / 1e6
+        self.tokens, self.read_us = min(NEW_BURST, self.tokens + gained), at_us
+        if self.tokens < 1.0:
+            return False
+        self.tokens -= 1.0
+        return True
 
 
 class Replicas:
@@ -116,6 +141,9 @@ class Replicas:
         return None if replica is None else self._read(replica, answered.payload, answered.at_us)
 
     def _read(self, replica: Replica, payload: bytes, at_us: int) -> tuple[Replica, Description] | None:
+        if not _described.has(replica.unit, payload) and not replica.may_be_read(at_us):
+            self.refused["descriptions too often"] += 1
+            return None
         try:
             found = _described(replica.unit, payload)
         except DecodeError as error:

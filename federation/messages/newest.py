@@ -34,6 +34,10 @@ class Newest(Generic[Said, Made]):
         """How many units have entries."""
         return len(self._entries)
 
+    def has(self, unit: str, said: Said) -> bool:
+        """Whether what is made of it is kept."""
+        return any(known == said for known, _ in self._entries.get(unit, ()))
+
     def __call__(self, unit: str, said: Said) -> Made:
         """What `make` makes of it; raises what that raises."""
         entries = self._entries.get(unit, ())

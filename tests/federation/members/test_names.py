@@ -7,9 +7,11 @@ import pytest
 from federation.keys import heartbeat, token_platform
 from federation.members.liveness import NAMES, PLATFORMS
 from federation.messages.codec import Heartbeat, encode_heartbeat
+from federation.messages.descriptions import LabelEntry
 from federation.transport import DeclareToken
 from tests.agents.rosters import trust
 from tests.box import Box, Vehicle
+from tests.federation.directories import FEDERATION, Directories
 
 
 def flood(box: Box, names: list[str], random: Random, *, with_tokens: bool) -> None:
@@ -51,3 +53,19 @@ def test_without_a_roster_a_flood_of_names_is_bounded_and_a_platform_still_comes
     directory = box.member("0").directory
     assert len(directory._peers) <= PLATFORMS
     assert directory.is_present("7")
+
+
+def test_descriptions_that_change_too_often_are_read_at_a_rate_and_the_last_one_in_the_end() -> None:
+    box = Directories()
+    for unit in ("0", "1"):
+        box.enter(unit)
+    box.run(2)
+    replicas = box.directory("0")._replicas
+    for number in range(200):
+        box.declare("1", (FEDERATION,), (LabelEntry(label=f"l-{number}", sort="x", type_hash="0" * 8),))
+        box.run(0.02)
+    assert replicas.refused["descriptions too often"] > 100
+    box.run(6)
+    entry = box.directory("0").entry("1")
+    assert entry is not None
+    assert [label.label for label in entry.labels] == ["l-199"]
