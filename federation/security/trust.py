@@ -210,7 +210,8 @@ def _member(unit: str, entry: Any) -> RosterMember:
             and type(rest.get("certificate", 0)) is int
         ):
             role: Any = rest.get("role", "uav")
-            return RosterMember(unit, parse_key(key), role, rest.get("revoked", False), rest.get("certificate", 0))
+            revoked, certificate = bool(rest.get("revoked", False)), int(str(rest.get("certificate", 0)))
+            return RosterMember(unit, parse_key(key), role, revoked, certificate)
         case _:
             raise RosterError(f'[{unit}] needs key = "ed25519:..." and may have role = "..." and revoked = true')
 

@@ -118,7 +118,10 @@ class ZenohEdge:
 
     def _take(self, session: zenoh.Session) -> None:
         self._session, self._zid = session, self._zid or str(session.zid())
-        self._links = session.info.declare_link_events_listener(self._on_link, history=True)
+        self._links = session.info.declare_link_events_listener(
+            Callback(self._on_link, indirect=False),
+            history=True,  # at once: before anything passes over the link
+        )
 
     def perform(self, effect: wire.WireEffect) -> None:
         """Carry out one effect. What Zenoh refuses is posted as `HandlerFailed`: a node outlives its session."""
@@ -290,9 +293,9 @@ class ZenohEdge:
 
     def _on_link(self, event: zenoh.LinkEvent) -> None:
         if event.kind == zenoh.SampleKind.PUT:
-            self._closing.stop_waiting()
             if self._gate is not None:
                 self._gate.on_link(event.link)
+            self._closing.stop_waiting()
 
     def _guarded(self, where: str, handler: Callable[[T], None]) -> Callable[[T], None]:
         def guarded(found: T) -> None:

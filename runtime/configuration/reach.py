@@ -5,6 +5,7 @@ import re
 import socket
 from collections.abc import Sequence
 from pathlib import Path
+from typing import NamedTuple
 
 from dyknow.model.errors import RosterError, WrongCall
 from federation.security.trust import Signer
@@ -140,7 +141,17 @@ def trust_files(settings: Settings, unit: str, key: Path | None = None) -> Trust
     return TrustConfig(roster=roster, key=key)
 
 
-def speaks_as(settings: Settings, key: Path | None = None) -> str:
+class Speaker(NamedTuple):
+    """Who a program speaks as. A member of which several processes may run adds the number of each."""
+
+    unit: str
+    is_many: bool = True
+
+    def named(self, number: object) -> str:
+        return f"{self.unit}-{number}" if self.is_many else self.unit
+
+
+def speaks_as(settings: Settings, key: Path | None = None) -> Speaker:
     """The member of the roster whose key this is, or the settings'; without one the command centre.
 
     Raises:
@@ -148,14 +159,14 @@ def speaks_as(settings: Settings, key: Path | None = None) -> str:
     """
     key = key or settings.key
     if settings.roster is None or key is None:
-        return COMMAND_CENTRE
+        return Speaker(COMMAND_CENTRE)
     try:
         member = read_roster(settings.roster, settings.federation).speaker(Signer(private_key(key), "").public_key)
     except OSError as error:
         raise RosterError(f"--key: {error.filename} cannot be read ({error.strerror}); check the path.") from None
     if member is None:
         raise RosterError(f"--key {key}: no member of {settings.roster} has this key; give that of a member.")
-    return member.unit
+    return Speaker(member.unit, member.role != "uav" and not member.unit.isdecimal())
 
 
 def roster_folder(roster: Path) -> Path:

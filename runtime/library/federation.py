@@ -79,8 +79,8 @@ class Connection:
         settings = settings_of(self._federation, **self._options)
         speaker = speaks_as(settings, self._key)
         number = next(_CONNECTIONS)
-        unit = f"{speaker}-{f'{number}{os.getpid():08}' if number else os.getpid()}"
-        wire, named = surroundings(client_wire(settings, speaker)), settings.federation
+        unit = speaker.named(f"{number}{os.getpid():08}" if number else os.getpid())
+        wire, named = surroundings(client_wire(settings, speaker.unit)), settings.federation
         centre = command_centre(settings, unit, self._key)
         self._thread = MemberThread(wire, centre, named, settings.extensions, settings.ontology)
         return self._thread
