@@ -143,6 +143,7 @@ _LISTEN = "Listen here, e.g. tcp/127.0.0.1:7447 (repeatable)."
 _CONNECT = "Connect to this endpoint (repeatable); no multicast then."
 _NAME = "Which federation: commands and platforms of one name never see another's."
 _INTERFACE = "Network interface of multicast; lo: nothing leaves the machine."
+_KEY = "Private key of the member to speak as. [default: that of cc, or of the platform, beside the roster]"
 _JSON = "One JSON object a line on standard output, nothing else."
 _ONTOLOGY = "Semantic labels that not every platform has."
 _EXTENSION = "A module with commands, or parts of platforms (repeatable)."
@@ -154,7 +155,10 @@ def _common(
     connect: Annotated[list[str] | None, _option(metavar="ENDPOINT", help=_CONNECT)] = None,
     discover: Annotated[str, _option(metavar="multicast|none", help="How processes find each other.")] = "multicast",
     interface: Annotated[str, _option(metavar="IF", help=_INTERFACE)] = "lo",
-    roster: Annotated[Path | None, _option(metavar="FILE", help="Roster with which acts are signed.")] = None,
+    roster: Annotated[
+        Path | None, _option(metavar="FILE", help="Roster of members: acts are signed, links are mutual TLS.")
+    ] = None,
+    key: Annotated[Path | None, _option(metavar="FILE", help=_KEY)] = None,
     ontology: Annotated[Path | None, _option(metavar="FILE.toml", help=_ONTOLOGY)] = None,
     json_lines: Annotated[bool, _option("--json", help=_JSON)] = False,
     extensions: Annotated[list[str] | None, _option("--extension", metavar="MODULE", help=_EXTENSION)] = None,

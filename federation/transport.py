@@ -74,7 +74,39 @@ class HandlerFailed(NamedTuple):
     error: str
 
 
-WireEvent: TypeAlias = Arrived | TokenChanged | Asked | Answered | AskEnded | Conflated | HandlerFailed
+class RosterRead(NamedTuple):
+    """The roster's file has a later generation."""
+
+    text: str
+    at_us: int
+
+
+class LinkClosed(NamedTuple):
+    """A link was closed, since the roster does not admit its certificate, which was made out to `name`."""
+
+    name: str
+    at_us: int
+
+
+class CertificateEnds(NamedTuple):
+    """Our own certificate ends within a day (wall clock), and all links with it."""
+
+    ends_us: int
+    at_us: int
+
+
+WireEvent: TypeAlias = (
+    Arrived
+    | TokenChanged
+    | Asked
+    | Answered
+    | AskEnded
+    | Conflated
+    | HandlerFailed
+    | RosterRead
+    | LinkClosed
+    | CertificateEnds
+)
 
 
 class Put(NamedTuple):

@@ -19,7 +19,7 @@ from federation.transport import WireEffect, WireEvent
 from runtime.clock import NodeClock
 from runtime.configuration.config import WireConfig
 from runtime.configuration.ontologies import ontology_of
-from runtime.configuration.reach import COMMAND_CENTRE, trust_files
+from runtime.configuration.reach import COMMAND_CENTRE, speaks_as, trust_files
 from runtime.configuration.session import load_trust
 from runtime.configuration.settings import Settings
 
@@ -294,10 +294,10 @@ def command_centre(settings: Settings, unit: str, key: Path | None = None) -> Ca
     Raises:
         RosterError: the roster does not load; the key, when the member is made.
     """
-    files = trust_files(settings, COMMAND_CENTRE, key)
+    files = trust_files(settings, COMMAND_CENTRE if settings.roster is None else speaks_as(settings, key).unit, key)
 
     def made(zid: str, now_us: int) -> CommandCentre:
-        return CommandCentre(unit, now_us, zid=zid, trust=load_trust(files, settings.federation, now_us))
+        return CommandCentre(unit, now_us, zid=zid, trust=load_trust(files, settings.federation, now_us, unit))
 
     return made
 

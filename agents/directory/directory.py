@@ -4,6 +4,7 @@ Times are the node clock.
 """
 
 from collections.abc import Callable, Mapping, Sequence
+from datetime import UTC, datetime
 from typing import Final
 
 from agents.actions import FEDERATION, QUERIED, SUBSCRIBED, Action, Offer, Role
@@ -17,6 +18,7 @@ from agents.subscribers import Subscribers
 from agents.tasks.life import TaskLife
 from agents.tasks.requests import MEMBERSHIP
 from dyknow.model.errors import DecodeError
+from dyknow.model.instants import US_PER_S
 from federation import keys
 from federation.members import liveness
 from federation.members.member import Member
@@ -26,7 +28,17 @@ from federation.messages.acts import Act, AgentName, Performative
 from federation.messages.contents import MAX_LIST, Content, Directory, DirectoryEvent, Found, Leave, Rejoin, Search
 from federation.messages.descriptions import ConditionEntry, LabelEntry
 from federation.sharing.ontology import Ontology
-from federation.transport import Answered, Arrived, Asked, AskEnded, DeclareQueryable, TokenChanged
+from federation.transport import (
+    Answered,
+    Arrived,
+    Asked,
+    AskEnded,
+    CertificateEnds,
+    DeclareQueryable,
+    LinkClosed,
+    RosterRead,
+    TokenChanged,
+)
 
 ASKED = 2
 """How many platforms that were here before are asked which ones they miss: what they know outlives them."""
@@ -79,6 +91,9 @@ class DirectoryAgent(Part):
         **dict.fromkeys((keys.ClockKey, keys.DescribeKey), "on_asked"),
         TokenChanged: "on_token",
         Impaired: "on_impaired",
+        RosterRead: "on_roster",
+        LinkClosed: "on_link_closed",
+        CertificateEnds: "on_certificate_ends",
     }
 
     def __init__(
@@ -136,6 +151,25 @@ class DirectoryAgent(Part):
             self._note(text)
             self.offer(now_us)
         return None
+
+    def on_roster(self, event: RosterRead, now_us: int) -> Followed:
+        """The roster has changed: who was revoked is out."""
+        for unit in self._member.on_roster(event, now_us):
+            whose = "this platform is revoked: no other is linked with it" if unit == self._member.unit else ""
+            self._note(whose or f"{unit} is revoked: its link is closed, and nothing of it is kept")
+        return None
+
+    def on_link_closed(self, event: LinkClosed, _now_us: int) -> Followed:
+        """A certificate came that the roster does not admit."""
+        self._note(f"a link was closed: the roster does not admit the certificate of {event.name[:64]}")
+        return None
+
+    def on_certificate_ends(self, event: CertificateEnds, now_us: int) -> Followed:
+        """Soon nobody is linked with this platform."""
+        ends = datetime.fromtimestamp(event.ends_us // US_PER_S, UTC).isoformat(" ", "minutes").removesuffix("+00:00")
+        renewed = f"dyknow roster revoke {self._member.unit}, dyknow roster add {self._member.unit}"
+        text = f"the certificate ends at {ends} UTC, and every link with it; make another one: {renewed}"
+        return self.on_impaired(Impaired(event.at_us, text), now_us)
 
     def on_leave_requested(self, event: LeaveRequested, _now_us: int) -> Followed:
         """Unregister: streams that are set up continue while the process lives (thesis 9.3.4)."""

@@ -75,7 +75,7 @@ def trust(unit: str, federation: str, now_us: int) -> Trust:
             for name, signer in signers.items()
         }
     )
-    return Trust(roster, signers[unit], Verifier(roster, federation, now_us))
+    return Trust(signers[unit], Verifier(roster, federation, now_us))
 
 
 class Asking(Member):

@@ -6,7 +6,7 @@ from contextlib import contextmanager
 
 from console.command import Call
 from runtime.client import Client, Surroundings, command_centre, surroundings
-from runtime.configuration.reach import COMMAND_CENTRE, client_wire
+from runtime.configuration.reach import client_wire, speaks_as
 
 
 @contextmanager
@@ -27,12 +27,12 @@ def connected(call: Call) -> Iterator[Client]:
 def client_of(call: Call) -> Client:
     """The same, which says nothing on its own; raises what `connected` does."""
     settings = call.settings
-    centre = command_centre(settings, f"{COMMAND_CENTRE}-{os.getpid()}")
+    centre = command_centre(settings, speaks_as(settings).named(os.getpid()))
     return Client(_surroundings(call), centre, settings.federation, settings.extensions, settings.ontology)
 
 
 def _surroundings(call: Call) -> Surroundings:
-    return surroundings(client_wire(call.settings))
+    return surroundings(client_wire(call.settings, speaks_as(call.settings).unit))
 
 
 def note_unreached(call: Call, client: Client) -> None:

@@ -286,6 +286,11 @@ class DirectoryFacilitator:
                 outcome.append(PlatformRefused(unit, replica.boot, *replica.refusal))
         return outcome
 
+    def on_revoked(self, is_revoked: Callable[[str], bool], at_us: int) -> list[Outcome]:
+        """Those platforms are members no more."""
+        units = [unit for unit in self._peers if unit != self.unit and is_revoked(unit)]
+        return [each for unit in units for each in self._told(self._liveness.on_revoked(unit, at_us))]
+
     def on_ask_ended(self, ended: transport.AskEnded) -> None:
         """The question is over; what it did not bring is requested again."""
         self._replicas.on_ask_ended(ended)

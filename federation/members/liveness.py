@@ -70,6 +70,7 @@ class Departure(StrEnum):
     LEFT = "left"
     RESTARTED = "restarted"
     WITHDRAWN = "token withdrawn"
+    REVOKED = "revoked"
     SILENT = "no heartbeat for 2.5 s"
 
 
@@ -238,6 +239,15 @@ class Liveness:
             return _NOTHING
         peer.seq, peer.left = seq, True
         return [self._gone(peer, Departure.LEFT, at_us)]
+
+    def on_revoked(self, unit: str, at_us: int) -> Sequence[LivenessEvent]:
+        """The platform is no member any more, or is another one by that name."""
+        peer = self.peers.get(unit)
+        if peer is None:
+            return _NOTHING
+        peer.tokens.clear()
+        was_present, peer.left = peer.present, True
+        return [self._gone(peer, Departure.REVOKED, at_us)] if was_present else _NOTHING
 
     def on_reopened(self) -> None:
         """Our session is a new one: tokens will be announced again, and their absence until then means nothing."""

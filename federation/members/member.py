@@ -10,7 +10,7 @@ from collections.abc import Callable, Iterable, Sequence
 from itertools import count
 from typing import Protocol
 
-from dyknow.model.errors import DecodeError
+from dyknow.model.errors import DecodeError, RosterError
 from federation import keys, transport
 from federation.members.clock import FederationClock
 from federation.members.correspondence import ActAgents, Audit, Correspondence
@@ -22,7 +22,7 @@ from federation.members.offsets import ClockOffsets
 from federation.messages.acts import Performative
 from federation.messages.codec import Heartbeat, decode_description, decode_heartbeat
 from federation.messages.newest import Newest
-from federation.security.trust import Trust
+from federation.security.trust import Roster, Trust
 
 P = Performative
 TWIN_US = 1_000_000
@@ -104,7 +104,7 @@ class Member:
         if self.trust is None:
             return unit
         found = self.trust.roster.member(unit)
-        return None if found is None else found.unit
+        return None if found is None or found.revoked else found.unit
 
     # -- coming and going --------------------------------------------------------------------------------------
 
@@ -155,6 +155,8 @@ class Member:
                 self.on_answered(event, now_us)
             case transport.AskEnded():
                 self.on_ask_ended(event)
+            case transport.RosterRead():
+                self.on_roster(event, now_us)
             case _:
                 self.refused[type(event).__name__] += 1
 
@@ -263,6 +265,35 @@ class Member:
         is_due = self.imports.on_tails(beat.unit, beat.boot, beat.tails, at_us)
         self.take(outcome, now_us)
         return True if outcome else None if is_due else False
+
+    def on_roster(self, event: transport.RosterRead, now_us: int) -> tuple[str, ...]:
+        """Go by a later generation of the roster; returns whom it revokes: all that is kept of them is dropped.
+
+        One whose key is another now is another member.
+
+        Raises:
+            DecodeError: it is no roster.
+        """
+        try:
+            roster = Roster.parse(event.text)
+        except RosterError:
+            raise DecodeError("roster") from None
+        if self.trust is None or not roster.is_successor_of(before := self.trust.roster):
+            return ()
+        self.trust.verifier.roster = roster
+        revoked = {
+            unit
+            for unit, member in before.members.items()
+            if not member.revoked
+            and ((now := roster.members.get(unit)) is None or now.revoked or now.key != member.key)
+        }
+
+        def is_revoked(unit: str) -> bool:
+            member = before.member(unit)
+            return member is not None and member.unit in revoked
+
+        self.take(self.directory.on_revoked(is_revoked, now_us), now_us)
+        return tuple(sorted(revoked))
 
     def _on_asked(self, event: transport.Asked, now_us: int) -> None:
         match keys.parse_key(event.key):

@@ -1,8 +1,9 @@
 """Mutual TLS and access control: the part of Zenoh's configuration that a roster decides, and its certificates.
 
 Access control is by certificate: the common name is the unit, and the unit stands at a fixed place of every key
-(`federation.keys`), so no platform speaks, streams or lives under another's name. Zenoh applies a rule to a neighbour; a
-change of the roster applies when the session is opened again.
+(`federation.keys`), so no platform speaks, streams or lives under another's name. A certificate of a member that comes
+back has a number after the unit. Zenoh reads the rules when a session is opened: they hold for the next certificates of
+every member, too, and who is admitted of them is decided link by link (`proxies.zenoh.link_gate`).
 """
 
 from datetime import UTC, datetime, timedelta
@@ -14,7 +15,7 @@ from dyknow.model.errors import RosterError
 from dyknow.model.instants import US_PER_S
 from federation import keys
 from federation.messages.unpacking import MAX_BYTES
-from federation.security.trust import Roster, RosterMember
+from federation.security.trust import Roster, RosterMember, common_name
 
 if TYPE_CHECKING:
     from cryptography import x509
@@ -23,6 +24,8 @@ if TYPE_CHECKING:
 MAX_MESSAGE: Final = 1_048_576
 MAX_SESSIONS: Final = 64
 OPEN_MS: Final = 3000
+NEXT_CERTIFICATES: Final = 8
+"""How many times a member comes back before those that run must be started again."""
 _ALL_MESSAGES: Final = [
     "put",
     "delete",
@@ -55,9 +58,9 @@ def zenoh_security_config(roster: Roster, unit: str, paths: Paths, federation: s
     if own is None or own.revoked:
         raise RosterError(f"{unit} is {'revoked' if own else 'not in the roster'}: it cannot join {federation}")
     root = keys.namespace(federation)
-    peers = [member for _, member in sorted(roster.members.items()) if not member.revoked]
+    peers = [member for _, member in sorted(roster.members.items())]
     return {
-        "scouting": {"multicast": {"enabled": False}, "gossip": {"enabled": False}},
+        "scouting": {"gossip": {"enabled": False}},
         "transport": {
             "unicast": {"max_sessions": MAX_SESSIONS, "open_timeout": OPEN_MS, "accept_timeout": OPEN_MS},
             "link": {
@@ -89,7 +92,7 @@ def zenoh_security_config(roster: Roster, unit: str, paths: Paths, federation: s
             "default_permission": "deny",
             "rules": [_own_rule(root), *(rule for peer in peers for rule in _rules(peer, root))],
             "subjects": [
-                {"id": peer.unit, "cert_common_names": [peer.unit], "link_protocols": ["tls"]} for peer in peers
+                {"id": peer.unit, "cert_common_names": _certificates(peer), "link_protocols": ["tls"]} for peer in peers
             ],
             "policies": [
                 {
@@ -101,6 +104,12 @@ def zenoh_security_config(roster: Roster, unit: str, paths: Paths, federation: s
             ],
         },
     }
+
+
+def _certificates(peer: RosterMember) -> list[str]:
+    """The present certificate, unless it is revoked, and the next ones, which nobody has yet."""
+    first = peer.certificate + peer.revoked
+    return [common_name(peer.unit, number) for number in range(first, first + 1 + NEXT_CERTIFICATES)]
 
 
 def _own_rule(root: str) -> dict[str, Any]:
@@ -116,7 +125,7 @@ def _own_rule(root: str) -> dict[str, Any]:
 
 def _rules(peer: RosterMember, root: str) -> list[dict[str, Any]]:
     """What we take from a peer: its own words, life and answers; and what it may listen to and ask for."""
-    names = [peer.unit, f"{peer.unit}-$*"] if peer.role == "command-centre" else [peer.unit]
+    names = [peer.unit, f"{peer.unit}-$*"] if peer.role != "uav" else [peer.unit]
     said = ["acl/*/{}/**", "x/{}/**", "hb/{}/**"]
     answered = ["q/{}/**", "{}/df", "time/{}"]
     heard = ["acl/{}/**"]
@@ -184,9 +193,10 @@ def platform_certificate(
     now_us: int,
     *,
     hosts: tuple[str, ...] = ("127.0.0.1", "localhost"),
-    days: int = 365,
+    days: float = 365,
+    number: int = 0,
 ) -> bytes:
-    """The certificate (PEM) of a platform: its common name is the unit, `hosts` are where it listens.
+    """The certificate (PEM) of a platform, its `number`-th new one; `hosts` are where it listens.
 
     Raises:
         NameRefused: `unit` cannot name a platform.
@@ -199,7 +209,7 @@ def platform_certificate(
     authority_key = _load(authority_key_pem)
     signed_by = x509.AuthorityKeyIdentifier.from_issuer_public_key(authority_key.public_key())
     builder = (
-        _builder(keys.unit(unit), authority.subject, key, now_us, days)
+        _builder(common_name(keys.unit(unit), number), authority.subject, key, now_us, days)
         .add_extension(x509.BasicConstraints(ca=False, path_length=None), critical=True)
         .add_extension(_usage(signs=False), critical=True)
         .add_extension(x509.ExtendedKeyUsage([Use.SERVER_AUTH, Use.CLIENT_AUTH]), critical=False)
@@ -221,6 +231,16 @@ def hosts_of(certificate: bytes) -> tuple[str, ...]:
     return tuple(str(each.value) for each in named)
 
 
+def named_until(certificate_pem: bytes) -> tuple[str, int]:
+    """The common name of a certificate, and when it ends (wall clock, microseconds)."""
+    from cryptography import x509
+    from cryptography.x509.oid import NameOID
+
+    read = x509.load_pem_x509_certificate(certificate_pem)
+    [named] = read.subject.get_attributes_for_oid(NameOID.COMMON_NAME)
+    return str(named.value), int(read.not_valid_after_utc.timestamp()) * US_PER_S
+
+
 def _load(key_pem: bytes) -> "EllipticCurvePrivateKey":
     from cryptography.hazmat.primitives.asymmetric.ec import EllipticCurvePrivateKey
     from cryptography.hazmat.primitives.serialization import load_pem_private_key
@@ -239,7 +259,7 @@ def _called(common_name: str) -> "x509.Name":
 
 
 def _builder(
-    name: str, issuer: "x509.Name", key: "EllipticCurvePrivateKey", now_us: int, days: int
+    name: str, issuer: "x509.Name", key: "EllipticCurvePrivateKey", now_us: int, days: float
 ) -> "x509.CertificateBuilder":
     """The serial number follows from what is certified, so that the same call gives the same number."""
     from cryptography import x509

@@ -30,6 +30,10 @@ LIVES: Final = 1024
 KEY_BYTES: Final = 32
 FEDERATION: Final = "federation"
 """What the roster's text calls the federation it is for."""
+IDENTITY: Final = "identity"
+GENERATION: Final = "generation"
+RESERVED: Final = (FEDERATION, IDENTITY, GENERATION)
+"""What stands in a roster's text before its members."""
 
 Role: TypeAlias = Literal["uav", "command-centre", "observer"]
 ROLES: Final[tuple[Role, ...]] = ("uav", "command-centre", "observer")
@@ -53,7 +57,8 @@ Refusal: TypeAlias = Literal[
 class RosterMember:
     """One platform of a roster: its Ed25519 public key (32 bytes), what it may do, and whether it is out.
 
-    A command centre `cc` speaks as `cc`, and as `cc-1`, `cc-2` ... when several of its processes run at once.
+    A command centre `cc` speaks as `cc`, and as `cc-1`, `cc-2` ... when several of its processes run at once; so does
+    an observer. `certificate` is the number of its present certificate: one that comes back has the next.
 
     Raises:
         RosterError: the name cannot be a unit, the key is not one, or the role is unknown.
@@ -63,6 +68,7 @@ class RosterMember:
     key: bytes
     role: Role = "uav"
     revoked: bool = False
+    certificate: int = 0
 
     def __post_init__(self) -> None:
         try:
@@ -75,10 +81,22 @@ class RosterMember:
             )
         if self.role not in ROLES:
             raise RosterError(f"{self.role!r} is not a role: {', '.join(ROLES)}")
+        if not 0 <= self.certificate < 1_000_000:
+            raise RosterError(f"{self.unit}: {self.certificate} is not the number of a certificate")
 
     @property
     def key_text(self) -> str:
         return f"ed25519:{b64encode(self.key).decode()}"
+
+    @property
+    def common_name(self) -> str:
+        """That of its present certificate."""
+        return common_name(self.unit, self.certificate)
+
+
+def common_name(unit: str, certificate: int) -> str:
+    """What a unit's certificate of this number is made out to; no unit has a dot in its name."""
+    return f"{unit}.{certificate}" if certificate else unit
 
 
 @dataclass(frozen=True)
@@ -87,10 +105,14 @@ class Roster:
 
     Attributes:
         federation: its name; None: the text does not name it.
+        identity: 16 hexadecimal digits that stay the same whatever is changed; empty in rosters that had none.
+        generation: grows with each change.
     """
 
     members: Mapping[str, RosterMember] = field(default_factory=dict)
     federation: str | None = None
+    identity: str = ""
+    generation: int = 0
 
     @staticmethod
     def parse(text: str) -> "Roster":
@@ -104,7 +126,10 @@ class Roster:
         except tomllib.TOMLDecodeError as wrong:
             raise RosterError(f"the roster is not TOML: {wrong}") from None
         federation = tables.pop(FEDERATION) if isinstance(tables.get(FEDERATION), str) else None
-        return Roster({unit: _member(unit, entry) for unit, entry in tables.items()}, federation)
+        identity = tables.pop(IDENTITY) if isinstance(tables.get(IDENTITY), str) else ""
+        generation = tables.pop(GENERATION) if type(tables.get(GENERATION)) is int else 0
+        members = {unit: _member(unit, entry) for unit, entry in tables.items()}
+        return Roster(members, federation, identity, generation)
 
     def check_federation(self, name: str) -> None:
         """Raises RosterError if the roster is for another federation."""
@@ -116,16 +141,19 @@ class Roster:
 
     def __str__(self) -> str:
         parts = [] if self.federation is None else [f'{FEDERATION} = "{self.federation}"\n']
+        parts += [f'{IDENTITY} = "{self.identity}"\n'] if self.identity else []
+        parts += [f"{GENERATION} = {self.generation}\n"] if self.generation else []
         parts += [
             f'[{member.unit}]\nkey = "{member.key_text}"\nrole = "{member.role}"\nrevoked = {str(member.revoked).lower()}\n'
+            + (f"certificate = {member.certificate}\n" if member.certificate else "")
             for _, member in sorted(self.members.items())
         ]
         return "\n".join(parts)
 
     @cached_property
     def fingerprint(self) -> str:
-        """16 hexadecimal digits that two platforms compare to see whether they go by the same roster."""
-        return sha256(str(self).encode()).hexdigest()[:16]
+        """16 hexadecimal digits that two platforms compare to see whether they go by the same roster, of any generation."""
+        return self.identity or sha256(str(self).encode()).hexdigest()[:16]
 
     def member(self, unit: str) -> RosterMember | None:
         """Return the member that speaks as `unit`."""
@@ -133,18 +161,37 @@ class Roster:
         if found is None:
             stem, _, number = unit.rpartition("-")
             found = self.members.get(stem) if number.isdecimal() else None
-            if found is not None and found.role != "command-centre":
+            if found is not None and found.role == "uav":
                 return None
         return found
 
+    def speaker(self, key: bytes) -> RosterMember | None:
+        """The member that has this public key."""
+        return next((member for member in self.members.values() if member.key == key), None)
+
+    @property
+    def admitted(self) -> frozenset[str]:
+        """The common names of the certificates with which others may be linked."""
+        return frozenset(member.common_name for member in self.members.values() if not member.revoked)
+
+    def is_successor_of(self, older: "Roster") -> bool:
+        """Whether this is the same roster, changed since."""
+        same = (self.identity, self.federation) == (older.identity, older.federation)
+        return same and self.generation > older.generation
+
     def added(self, member: RosterMember) -> "Roster":
-        """Raises RosterError if the unit has another key: revoke it first, a key is never replaced silently."""
+        """Raises RosterError if the unit has another key: revoke it first, a key is never replaced silently.
+
+        One that comes back has another certificate than those before.
+        """
         known = self.members.get(member.unit)
         if known is not None and not known.revoked and known.key != member.key:
             raise RosterError(f"{member.unit} is in the roster with another key; revoke it first")
-        if member.unit == FEDERATION:
-            raise RosterError(f"{FEDERATION} cannot be a unit: a roster calls something else so")
-        return replace(self, members={**self.members, member.unit: member})
+        if known is not None and known.revoked and member.certificate <= known.certificate:
+            member = replace(member, certificate=known.certificate + 1)
+        if member.unit in RESERVED:
+            raise RosterError(f"{member.unit} cannot be a unit: a roster calls something else so")
+        return replace(self, members={**self.members, member.unit: member}, generation=self.generation + 1)
 
     def revoked(self, unit: str) -> "Roster":
         """Raises RosterError if no member has that name."""
@@ -152,16 +199,20 @@ class Roster:
             raise RosterError(
                 f"{unit} is not in the roster, which has {', '.join(sorted(self.members)) or 'no members'}"
             )
-        return replace(self, members={**self.members, unit: replace(self.members[unit], revoked=True)})
+        members = {**self.members, unit: replace(self.members[unit], revoked=True)}
+        return replace(self, members=members, generation=self.generation + 1)
 
 
 def _member(unit: str, entry: Any) -> RosterMember:
     match entry:
-        case {"key": str(key), **rest} if rest.keys() <= {"role", "revoked"} and isinstance(
-            rest.get("revoked", False), bool
+        case {"key": str(key), **rest} if (
+            rest.keys() <= {"role", "revoked", "certificate"}
+            and isinstance(rest.get("revoked", False), bool)
+            and type(rest.get("certificate", 0)) is int
         ):
             role: Any = rest.get("role", "uav")
-            return RosterMember(unit, parse_key(key), role, bool(rest.get("revoked", False)))
+            revoked, certificate = bool(rest.get("revoked", False)), int(str(rest.get("certificate", 0)))
+            return RosterMember(unit, parse_key(key), role, revoked, certificate)
         case _:
             raise RosterError(f'[{unit}] needs key = "ed25519:..." and may have role = "..." and revoked = true')
 
@@ -334,9 +385,13 @@ class Verifier:
 class Trust:
     """How one member signs its acts and checks those of others; without one, the federation is open."""
 
-    roster: Roster
     signer: Signer
     verifier: Verifier
+
+    @property
+    def roster(self) -> Roster:
+        """Whose keys count now."""
+        return self.verifier.roster
 
     @staticmethod
     def of(
@@ -349,4 +404,4 @@ class Trust:
         Raises:
             RosterError: the key is not one.
         """
-        return Trust(roster, Signer(seed, federation), Verifier(roster, federation, started_us, accepted_us))
+        return Trust(Signer(seed, federation), Verifier(roster, federation, started_us, accepted_us))

@@ -10,6 +10,7 @@ Two topologies, never both at once, since sides that both dial and scout leave p
 
 from collections.abc import Callable, Mapping
 from dataclasses import dataclass
+from pathlib import Path
 from typing import Any, Literal
 from zlib import crc32
 
@@ -36,6 +37,7 @@ class ZenohOptions:
         interface: the network interface for scouting and listening.
         lease_ms: after this long without a sign a peer's link is closed; 10 000 where more than 5 % of frames are lost.
         gossip: peers tell each other of third ones; without scouting the side with the greater identity then dials.
+        roster: file of the roster, which is read again whenever it changes; certificates that it does not admit get no link.
         security: merged over the rest: mutual TLS and access control, as `federation.security.tls` makes it.
     """
 
@@ -48,6 +50,7 @@ class ZenohOptions:
     lease_ms: int = 2000
     gossip: bool = True
     security: Mapping[str, Any] | None = None
+    roster: Path | None = None
 
 
 def multicast_port(federation: str) -> int:

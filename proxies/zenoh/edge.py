@@ -12,6 +12,7 @@ import json
 import socket
 from collections.abc import Callable
 from functools import partial
+from pathlib import Path
 from typing import Any, TypeAlias, TypeVar
 
 import zenoh
@@ -20,6 +21,7 @@ from zenoh.handlers import Callback
 from dyknow.model.errors import SessionFailed
 from federation import transport as wire
 from proxies.zenoh.configuration import ZenohOptions, zenoh_config
+from proxies.zenoh.link_gate import LinkGate
 from proxies.zenoh.open_questions import OpenAsks
 from proxies.zenoh.session_exchange import Exchange, Step, leave_within
 from proxies.zenoh.tcp_close import Closing
@@ -58,6 +60,8 @@ class ZenohEdge:
         self._exchange: Exchange | None = None
         self._links: Any = None
         self._closing = Closing()
+        self._options = options
+        self._gate: LinkGate | None = None
         self._zid = ""
         self._publishers: dict[str, tuple[wire.Urgency, zenoh.Publisher]] = {}
         self._declared: dict[Declaration, Any] = {}
@@ -97,14 +101,27 @@ class ZenohEdge:
         Raises:
             SessionFailed: an endpoint cannot be listened on, or the configuration is refused.
         """
+        if self._options.roster is not None and self._options.security is not None:
+            own = Path(self._options.security["transport"]["link"]["tls"]["listen_certificate"])
+            self._gate = LinkGate(self._options.roster, own, self._linked, self._post, self._now_us)
         try:
             self._take(zenoh.open(zenoh.Config.from_json5(self._config)))
         except zenoh.ZError as failed:
             raise SessionFailed(f"the session does not open: {_said(failed)}") from None
 
+    def _linked(self) -> list[zenoh.Link]:
+        session = self._session
+        try:
+            return [] if session is None else list(session.info.links())
+        except zenoh.ZError:  # it is being closed
+            return []
+
     def _take(self, session: zenoh.Session) -> None:
         self._session, self._zid = session, self._zid or str(session.zid())
-        self._links = session.info.declare_link_events_listener(self._on_link, history=True)
+        self._links = session.info.declare_link_events_listener(
+            Callback(self._on_link, indirect=False),
+            history=True,  # at once: before anything passes over the link
+        )
 
     def perform(self, effect: wire.WireEffect) -> None:
         """Carry out one effect. What Zenoh refuses is posted as `HandlerFailed`: a node outlives its session."""
@@ -122,6 +139,8 @@ class ZenohEdge:
             if self._exchange is not None:
                 self._session = self._exchange.result(_LEAVE_S)
         self._exchange = None
+        if self._gate is not None:
+            self._gate.close()
         leave_within(_LEAVE_S, self._left())
         self._declared.clear()
         self._watches.clear()
@@ -274,6 +293,8 @@ class ZenohEdge:
 
     def _on_link(self, event: zenoh.LinkEvent) -> None:
         if event.kind == zenoh.SampleKind.PUT:
+            if self._gate is not None:
+                self._gate.on_link(event.link)
             self._closing.stop_waiting()
 
     def _guarded(self, where: str, handler: Callable[[T], None]) -> Callable[[T], None]:

@@ -27,6 +27,8 @@ class WireConfig(Strict):
     """Without a roster every process that reaches a platform may command it: beyond loopback only if allowed here."""
     security: Path | None = None
     """JSON file with mTLS and access-control settings, made by `dyknow roster`."""
+    roster: Path | None = None
+    """The roster, which says whose certificates are admitted; read again whenever it changes."""
 
 
 class ClockConfig(Strict):

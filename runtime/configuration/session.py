@@ -12,7 +12,10 @@ from proxies.recordings.named_files import bounded_text
 from proxies.zenoh.configuration import LOOPBACK, ZenohOptions
 from runtime.accepted_acts import read_accepted
 from runtime.configuration.config import TrustConfig, WireConfig
+from runtime.configuration.credentials import checked_key
 
+INSECURE_WIRE = "DYKNOW_INSECURE_WIRE"
+"""Set to 1 in tests: a federation with a roster goes without TLS."""
 _FILES = [f"{side}_{what}" for side in ("listen", "connect") for what in ("private_key", "certificate")]
 _FILES.append("root_ca_certificate")
 
@@ -57,10 +60,10 @@ def unprotected(wire: WireConfig, *, has_roster: bool) -> Unprotected | None:
         )
     if wire.security is None:
         return Unprotected(
-            "without tls/ endpoints only acts are protected: samples, heartbeats and clocks can be forged and read",
+            f"{INSECURE_WIRE}=1, so only acts are protected: samples, heartbeats and clocks can be forged and read",
             "Of what passes there only acts would be signed: every host could forge positions, and aircraft would "
             "give way to them.",
-            f"Use endpoints that begin with tls/, which show the roster's certificates, {remedy}",
+            f"Unset {INSECURE_WIRE}, so that all links are mutual TLS, {remedy}",
         )
     return None
 
@@ -76,10 +79,13 @@ def wire_options(wire: WireConfig) -> ZenohOptions:
         try:
             security = json.loads(bounded_text(wire.security))
             files = security["transport"]["link"]["tls"]
+            security.get("scouting", {}).pop("multicast", None)  # links need certificates, however they were found
             files |= {key: str(wire.security.parent.resolve() / files[key]) for key in _FILES}
         except (OSError, ValueError, LookupError, TypeError) as wrong:
             raise RosterError(f"{wire.security}: {wrong}; make it again with `dyknow roster`") from None
-    return ZenohOptions(**{**wire.model_dump(exclude={"open"}), "security": security})
+    return ZenohOptions(
+        **{**wire.model_dump(exclude={"open"}), "security": security, "roster": wire.roster if security else None}
+    )
 
 
 def read_roster(path: Path, federation: str) -> Roster:
@@ -97,11 +103,11 @@ def read_roster(path: Path, federation: str) -> Roster:
     return roster
 
 
-def load_trust(files: TrustConfig, federation: str, started_us: int) -> Trust | None:
-    """The roster and a member's own key, read; None without a roster.
+def load_trust(files: TrustConfig, federation: str, started_us: int, unit: str) -> Trust | None:
+    """The roster and the key of `unit`, read; None without a roster.
 
     Raises:
-        RosterError: one is there without the other, or does not read.
+        RosterError: one is there without the other, does not read, or does not fit the unit.
     """
     if files.roster is None:
         return None
@@ -109,9 +115,7 @@ def load_trust(files: TrustConfig, federation: str, started_us: int) -> Trust | 
         raise RosterError(f"{files.roster} is a roster, but this platform was given no key: set trust.key")
     try:
         roster = read_roster(files.roster, federation)
-        seed = bytes.fromhex(files.key.read_text("ascii").strip())
+        seed = checked_key(roster, unit, files.key)
     except OSError as error:
         raise RosterError(f"--roster: {error.filename} cannot be read ({error.strerror}); check the path.") from None
-    except ValueError as wrong:
-        raise RosterError(f"{files.key}: {wrong}; a private key is 64 hexadecimal digits") from None
     return Trust.of(roster, seed, federation, started_us, read_accepted(files.key))

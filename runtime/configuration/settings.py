@@ -99,6 +99,8 @@ class Settings(Strict):
     interface: str | None = None
     json_lines: bool = Field(default=False, alias="json")
     roster: Path | None = None
+    key: Path | None = None
+    """The private key to sign with, instead of the one in the roster's folder."""
     ontology: Path | None = None
     """File of semantic labels that not every platform has."""
     extensions: Items = ()
@@ -185,7 +187,9 @@ def read_federation(path: Path) -> dict[str, Any]:
         own.update({key: base / own[key] for key in _UNIT_PATHS if own.get(key)})
         if named := own.get("units"):
             own["units"] = tuple(str(base / name) if name.endswith(".py") else name for name in named)
-    settings.update({key: base / settings[key] for key in ("roster", "journal", "ontology") if settings.get(key)})
+    settings.update(
+        {key: base / settings[key] for key in ("roster", "key", "journal", "ontology") if settings.get(key)}
+    )
     if named := settings.get("extensions"):
         settings["extensions"] = [str(base / name) if name.endswith(".py") else name for name in named]
     if settings.get("units") == 0:

@@ -11,7 +11,7 @@ from federation.members.command_centre import PlatformView
 from federation.messages.contents import Content, MonitorEntry
 from federation.messages.dialogue import Dialogue
 from runtime.client import Job, command_centre, surroundings
-from runtime.configuration.reach import COMMAND_CENTRE, client_wire
+from runtime.configuration.reach import client_wire, speaks_as
 from runtime.library import jobs
 from runtime.library.alarm_news import AlarmItem, follow_alarms
 from runtime.library.calls import CallItem, call_for, wanted_of
@@ -77,11 +77,10 @@ class Connection:
 
     def _open(self) -> MemberThread:
         settings = settings_of(self._federation, **self._options)
+        speaker = speaks_as(settings, self._key)
         number = next(_CONNECTIONS)
-        unit = f"{COMMAND_CENTRE}-{f'{number}{os.getpid():08}' if number else os.getpid()}"
-
-        centre = command_centre(settings, unit, self._key)
-        wire, named = surroundings(client_wire(settings)), settings.federation
+        unit = speaker.named(f"{number}{os.getpid():08}" if number else os.getpid())
+        wire, named = surroundings(client_wire(settings, speaker.unit)), settings.federation
         centre = command_centre(settings, unit, self._key)
         self._thread = MemberThread(wire, centre, named, settings.extensions, settings.ontology)
         return self._thread

@@ -56,7 +56,7 @@ def test_a_roster_without_tls_is_refused_beyond_loopback(
     process = PlatformProcess(
         NodeConfig(unit="0", wire=beyond, trust=trust), lambda _ports: Vehicle(), lambda _said: None
     )
-    with pytest.raises(RosterError, match=r"forge positions.*tls/"):
+    with pytest.raises(RosterError, match=r"forge positions.*mutual TLS"):
         process.run()
 
 

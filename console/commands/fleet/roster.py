@@ -52,7 +52,7 @@ def init(
     if path.exists():
         raise WrongCall(f"{path} exists already; add to it with dyknow roster add UNIT, or name another with --roster.")
     path.parent.mkdir(parents=True, exist_ok=True)
-    roster = Roster(federation=call.settings.federation)
+    roster = Roster(federation=call.settings.federation, identity=secrets.token_hex(8))
     for unit in dict.fromkeys(platforms):
         roster = _added(roster, _member(path, roster, unit, "uav", hosts))
     roster = _added(roster, _member(path, roster, COMMAND_CENTRE, "command-centre", hosts))
@@ -82,7 +82,7 @@ def add(
 
 @command(example="dyknow roster revoke 2 --roster keys/roster.toml")
 def revoke(call: Call, unit: UnitArgument) -> int:
-    """Mark a platform as no longer trusted: others refuse it once they are restarted."""
+    """Mark a platform as no longer trusted: those that run close their links to it within a second."""
     path = _path(call)
     try:
         roster = _read(path, call).revoked(unit)
@@ -90,7 +90,7 @@ def revoke(call: Call, unit: UnitArgument) -> int:
         raise WrongCall(f"{path}: {error}") from None
     _write(path, roster)
     if not call.out.json_lines:
-        call.out.note("Platforms read the roster when they start: restart those that run.")
+        call.out.note("Processes that read this file close their links now; copy it to the other machines.")
     return _shown(call, roster, [roster.members[unit]])
 
 
@@ -156,11 +156,12 @@ def _member(path: Path, roster: Roster, unit: str, role: Role, hosts: Sequence[s
         directory.mkdir(mode=0o700, parents=True, exist_ok=True)
     seed = secrets.token_bytes(KEY_BYTES)
     write_private(keys / f"{unit}.key", f"{seed.hex()}\n".encode())
-    _certify(pki, unit, f"dyknow {federation}", dict.fromkeys((*LOOPBACK, *(hosts or ()))))
-    return RosterMember(unit, Signer(seed, federation).public_key, role)
+    number = 0 if known is None else known.certificate + 1
+    _certify(pki, unit, f"dyknow {federation}", dict.fromkeys((*LOOPBACK, *(hosts or ()))), number)
+    return RosterMember(unit, Signer(seed, federation).public_key, role, certificate=number)
 
 
-def _certify(pki: Path, unit: str, authority: str, hosts: Iterable[str]) -> None:
+def _certify(pki: Path, unit: str, authority: str, hosts: Iterable[str], number: int) -> None:
     """A key and a certificate for `unit`, signed by the authority, which is made when it is not there."""
     now_us = time.time_ns() // 1000
     if not (pki / f"{AUTHORITY}.key").exists():
@@ -176,6 +177,7 @@ def _certify(pki: Path, unit: str, authority: str, hosts: Iterable[str]) -> None
         (pki / f"{AUTHORITY}.pem").read_bytes(),
         now_us,
         hosts=tuple(hosts),
+        number=number,
     )
     write_private(pki / f"{unit}.key", key)
     (pki / f"{unit}.pem").write_bytes(signed)
@@ -208,6 +210,7 @@ def _shown(call: Call, roster: Roster, members: list[RosterMember]) -> int:
                     "role": member.role,
                     "revoked": member.revoked,
                     "federation": roster.federation,
+                    "generation": roster.generation,
                 }
             )
         return DONE

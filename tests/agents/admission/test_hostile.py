@@ -48,7 +48,7 @@ def roster() -> Roster:
 
 
 def trust(unit: str) -> Trust:
-    return Trust(roster(), signer(unit), Verifier(roster(), "default", EPOCH - 1_000_000))
+    return Trust(signer(unit), Verifier(roster(), "default", EPOCH - 1_000_000))
 
 
 def hostile(rng: Random) -> Iterator[tuple[str, bytes]]:

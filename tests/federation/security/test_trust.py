@@ -1,6 +1,7 @@
 """Who is listened to: rosters, signatures, replays, and hostile acts by the thousand."""
 
 from collections import Counter
+from dataclasses import replace
 from hashlib import sha256
 from random import Random
 
@@ -95,8 +96,11 @@ def test_a_key_is_never_replaced_silently() -> None:
     other = RosterMember("uav1", signer("0").public_key)
     with pytest.raises(RosterError, match="revoke it first"):
         roster().added(other)
-    assert roster().revoked("uav1").added(other).members["uav1"] == other
-    assert roster().added(roster().members["uav1"]) == roster()
+    back = roster().revoked("uav1").added(other)
+    assert back.members["uav1"] == replace(other, certificate=1), "its certificate is another, too"
+    assert back.is_successor_of(roster())
+    assert not roster().is_successor_of(back)
+    assert roster().added(roster().members["uav1"]).members == roster().members
     with pytest.raises(RosterError, match="not in the roster"):
         roster().revoked("uav9")
 

@@ -68,17 +68,22 @@ def test_a_revoked_member_is_marked_and_no_session_listens_to_it(path: Path, dyk
     [told] = _lines(dyknow("roster", "revoke", "1", "--roster", str(path), "--federation", "alpha", "--json"))
     assert (told["unit"], told["revoked"]) == (1, True)
     wire = json.loads((folder(path) / "0.wire.json").read_text())
-    assert {s["id"] for s in wire["access_control"]["subjects"]} == {"0", "cc"}
+    [subject] = [s for s in wire["access_control"]["subjects"] if s["id"] == "1"]
+    assert subject["cert_common_names"] == [f"1.{number}" for number in range(1, 10)], "those that nobody has yet"
     assert not (folder(path) / "1.wire.json").exists()
 
 
 def test_a_revoked_member_may_come_back_with_a_new_key(path: Path, dyknow: Run) -> None:
+    before_generation = Roster.parse(path.read_text()).generation
     before = Roster.parse(path.read_text()).members["1"].key
     dyknow("roster", "revoke", "1", "--roster", str(path))
     assert dyknow("roster", "add", "1", "--roster", str(path)).returncode == 0
     after = Roster.parse(path.read_text()).members["1"]
     assert after.key != before
     assert not after.revoked
+    assert (before_generation + 2, after.certificate) == (Roster.parse(path.read_text()).generation, 1)
+    certificate = x509.load_pem_x509_certificate((folder(path) / "pki" / "1.pem").read_bytes())
+    assert certificate.subject.rfc4514_string() == "CN=1.1"
     wire = (folder(path) / "0.wire.json").read_text()
     assert "dyknow/alpha/" in wire, "without --federation a roster keeps its own"
     assert "dyknow/default/" not in wire

@@ -1,0 +1,126 @@
+"""Who may be linked, by certificate: one link is closed without disturbing the others, again whenever it is made again.
+
+Zenoh reads its rules when a session is opened and closes no single link. It says of each link what certificate the other
+side has shown; the socket of one whose certificate the roster does not admit is shut down, and Zenoh drops the link.
+"""
+
+import contextlib
+import os
+import socket
+import stat
+import threading
+from collections.abc import Callable, Iterable
+from ipaddress import ip_address
+from pathlib import Path
+from typing import Any, TypeAlias
+
+from dyknow.model.errors import RosterError
+from federation.security.tls import named_until
+from federation.security.trust import Roster
+from federation.transport import CertificateEnds, LinkClosed, RosterRead
+
+Post: TypeAlias = Callable[[LinkClosed | RosterRead | CertificateEnds], None]
+Address: TypeAlias = tuple[str, int]
+_LOOK_S = 0.5
+_AHEAD_US = 86_400_000_000
+
+
+class LinkGate:
+    """Closes links to certificates that a roster does not admit, as its file says at any time.
+
+    Args:
+        path: of the roster.
+        certificate: our own.
+        links: those that there are; called from a thread of the gate.
+        post: takes what became of links and of the file.
+        now_us: the node clock.
+    """
+
+    def __init__(
+        self,
+        path: Path,
+        certificate: Path,
+        links: Callable[[], Iterable[Any]],
+        post: Post,
+        now_us: Callable[[], int],
+    ) -> None:
+        self._path, self._links, self._post, self._now_us = path, links, post, now_us
+        self._stamp = self._stamped()
+        self.roster = Roster.parse(path.read_text("utf-8"))
+        self._admitted = self.roster.admitted
+        _, ends_us = named_until(certificate.read_bytes())
+        self._ends_us: int | None = ends_us
+        self._ended = threading.Event()
+        self._thread = threading.Thread(target=self._watch, name="roster", daemon=True)
+        self._thread.start()
+
+    def close(self) -> None:
+        self._ended.set()
+        self._thread.join()
+
+    def on_link(self, link: Any) -> None:
+        """A link is there; it stays if its certificate is admitted."""
+        name = link.auth_identifier
+        if name in self._admitted:
+            return
+        if _shut(_address(str(link.src)), _address(str(link.dst))):
+            self._post(LinkClosed(str(name), self._now_us()))
+
+    def _watch(self) -> None:
+        while not self._ended.wait(_LOOK_S):
+            self._read()
+            if self._ends_us is not None and self._now_us() >= self._ends_us - _AHEAD_US:
+                self._post(CertificateEnds(self._ends_us, self._now_us()))
+                self._ends_us = None
+            for link in self._links():
+                self.on_link(link)
+
+    def _read(self) -> None:
+        stamp = self._stamped()
+        if stamp is None or stamp == self._stamp:
+            return
+        self._stamp = stamp
+        with contextlib.suppress(OSError, UnicodeDecodeError, RosterError):
+            text = self._path.read_text("utf-8")
+            roster = Roster.parse(text)
+            if roster.is_successor_of(self.roster):
+                self.roster, self._admitted = roster, roster.admitted
+                self._post(RosterRead(text, self._now_us()))
+
+    def _stamped(self) -> tuple[int, int, int] | None:
+        try:
+            found = self._path.stat()
+        except OSError:
+            return None
+        return found.st_ino, found.st_mtime_ns, found.st_size
+
+
+def _address(locator: str) -> Address:
+    """Of `tls/127.0.0.1:7447`."""
+    host, _, port = locator.partition("/")[2].partition("?")[0].partition("#")[0].rpartition(":")
+    return _plain(host.strip("[]")), int(port)
+
+
+def _plain(host: str) -> str:
+    found = ip_address(host.partition("%")[0])
+    mapped = getattr(found, "ipv4_mapped", None)
+    return str(mapped or found)
+
+
+def _shut(here: Address, there: Address) -> bool:
+    """Shut the socket between these addresses down; whether there was one."""
+    for name in Path("/dev/fd").iterdir():
+        with contextlib.suppress(OSError):  # closed meanwhile, or no connection
+            if stat.S_ISSOCK(name.stat().st_mode):
+                with socket.socket(fileno=os.dup(int(name.name))) as copy:
+                    if _connects(copy, here, there):
+                        copy.shutdown(socket.SHUT_RDWR)
+                        return True
+    return False
+
+
+def _connects(copy: socket.socket, here: Address, there: Address) -> bool:
+    if copy.type != socket.SOCK_STREAM or copy.family not in {socket.AF_INET, socket.AF_INET6}:
+        return False
+    ends = [(_plain(host), port) for host, port, *_ in (copy.getsockname(), copy.getpeername())]
+    return ends == [here, there]
