@@ -168,7 +168,7 @@ class Admission(Part):
         if not self._limits.admit(sender, now_us):
             raise Denied(f"too many acts from {sender}; ask more slowly", "too-many-acts")
         if act.reply_to is not None and act.reply_to.unit != sender:
-            raise Denied(f"answers go to {sender}, who asks, and to no other platform", "reply-to-another")
+            raise Denied(f"answers go to {sender}, the requester, and to no other platform", "reply-to-another")
         if act.performative is P.CANCEL:
             self._cancel(act, now_us)
             return

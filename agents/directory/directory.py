@@ -41,7 +41,7 @@ from federation.transport import (
 )
 
 ASKED = 2
-"""How many platforms that were here before are asked which ones they miss: what they know outlives them."""
+"""How many platforms that were here before get a request for which ones they miss: what they know outlives them."""
 JOINING_US = 5_000_000
 """How long after its start a platform may still be refused."""
 NOTED = 64
@@ -153,7 +153,7 @@ class DirectoryAgent(Part):
         return None
 
     def on_roster(self, event: RosterRead, now_us: int) -> Followed:
-        """The roster has changed: who was revoked is out."""
+        """The roster has changed: revoked members are out."""
         for unit in self._member.on_roster(event, now_us):
             whose = "this platform is revoked: no other is linked with it" if unit == self._member.unit else ""
             self._note(whose or f"{unit} is revoked: its link is closed, and nothing of it is kept")
@@ -165,7 +165,7 @@ class DirectoryAgent(Part):
         return None
 
     def on_certificate_ends(self, event: CertificateEnds, now_us: int) -> Followed:
-        """Soon nobody is linked with this platform."""
+        """Soon no platform is linked with this one."""
         ends = datetime.fromtimestamp(event.ends_us // US_PER_S, UTC).isoformat(" ", "minutes").removesuffix("+00:00")
         renewed = f"dyknow roster revoke {self._member.unit}, dyknow roster add {self._member.unit}"
         text = f"the certificate ends at {ends} UTC, and every link with it; make another one: {renewed}"

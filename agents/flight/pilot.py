@@ -42,7 +42,7 @@ class Pilot(HeardVehicle):
         diversion: the present manoeuvre, and whether it is flown; None when the vehicle does not give way.
         mission: the mission that commands the vehicle, or waits.
         leg: which place of the route is flown to next.
-        waiting: why missions wait that have no leader now; each still does when it joins again.
+        waiting: why missions wait that have no leader now, "" for one that does not; each is so when it joins again.
     """
 
     errand: Errand | None = None
@@ -186,8 +186,7 @@ class Pilot(HeardVehicle):
 
     def on_estimate(self, sample: Sample) -> list[vehicle.Command]:
         """Take a fused estimate (see `navigation.PositionFilter`) and fly on."""
-        latitude, longitude, altitude, north, east, down = sample.value[:6]
-        fix = self.fix = Fix(sample.valid_us, latitude, longitude, altitude, north, east, down)
+        fix = self.fix = Fix(sample.valid_us, *sample.value[:6])
         self._now_us = max(self._now_us, sample.valid_us)
         self._judge(lambda errand: errand.on_fix(fix, self.now_us))
         return self._fly(sample.valid_us)
@@ -261,7 +260,8 @@ class Pilot(HeardVehicle):
         """Carry out a user's own order: a mission that has the vehicle waits until `proceed`; raises Refused, as `order`."""
         self.check(order)
         self._claims_against(order, Commander.ORDER)._replace(mission="").check(Commander.ORDER)
-        self.mission.wait(f"a user ordered {in_words(order)}")
+        self.mission.wait(reason := f"a user ordered {in_words(order)}")
+        self.waiting = {name: waits or reason for name, waits in self.waiting.items()}
         return self._replace(order)
 
     def _replace(self, order: vehicle.Order) -> list[vehicle.Command]:
@@ -273,9 +273,9 @@ class Pilot(HeardVehicle):
 
     def _claims_against(self, order: vehicle.Order, by: Commander) -> CommandClaims:
         """A commander from which a user takes the vehicle by asking in person has no claim."""
-        if by is not Commander.ORDER:
-            return self.claims._replace(hands=self.mission.waits or self.claims.hands)
         claims = self.claims._replace(hands="")
+        if by is not Commander.ORDER:
+            return claims._replace(hands=self.mission.waits or self.claims.hands)
         return claims._replace(avoidance="") if isinstance(order, ENDINGS) else claims
 
     @property
@@ -307,7 +307,7 @@ class Pilot(HeardVehicle):
 
     def end_mission(self, *, is_over: bool = True) -> None:
         """No mission has the vehicle; what was ordered last stands. One that waits and is not over waits when it joins again."""
-        if self.mission.waits and not is_over:
+        if self.mission.name and not is_over:
             self.waiting[self.mission.name] = self.mission.waits
         self.mission = MissionClaim()
 

@@ -231,7 +231,7 @@ class Authority(Part):
         return found.task in self._over.get(found.delegator, ())
 
     def end(self, found: TaskEvidence, now_us: int, told: Iterable[str] = ()) -> None:
-        """A task is over, of which these platforms are notified; its evidence is worth nothing from now on."""
+        """A task is over, these platforms are notified; its evidence is worth nothing from now on."""
         for unit in told:
             if unit != self._unit and self._directory.is_present(unit):
                 self._agent.tell(unit, TaskOver(task=found.task), now_us, evidence=found.payload)

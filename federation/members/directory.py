@@ -23,7 +23,7 @@ from federation.messages.descriptions import ConditionEntry, DefinitionEntry, De
 HEARTBEAT_US, SLOWEST_BEAT_US = 200_000, 500_000
 PER_MEMBER_US = 25_000
 """Heartbeats come at 5 Hz among up to eight members, among more at 40 a second to hear in all, though not below 2 Hz:
-who hears a hundred members five times a second has no time for anything else."""
+a member that hears a hundred others five times a second has no time for anything else."""
 GREETING_US = 20_000
 BETWEEN_GREETINGS_US = 50_000
 LEAVING = 0

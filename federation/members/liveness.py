@@ -241,7 +241,7 @@ class Liveness:
         return [self._gone(peer, Departure.LEFT, at_us)]
 
     def on_revoked(self, unit: str, at_us: int) -> Sequence[LivenessEvent]:
-        """The platform is no member any more, or is another one by that name."""
+        """The platform is no longer a member, or is another one by that name."""
         peer = self.peers.get(unit)
         if peer is None:
             return _NOTHING

@@ -41,7 +41,7 @@ class StreamSample(NamedTuple):
     """One sample of a stream: its number there (from 1), when it held, its value, and what its maker says of it.
 
     On the wire a quality is two fields more, certainty and covariance, unless it is the default; of a predicted value three
-    more, when it was made, branch and weight: an earlier version refuses their shape.
+    more, when it was made, branch and weight: an earlier version refuses their form.
     """
 
     seq: int

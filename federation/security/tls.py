@@ -3,7 +3,7 @@
 Access control is by certificate: the common name is the unit, and the unit stands at a fixed place of every key
 (`federation.keys`), so no platform speaks, streams or lives under another's name. A certificate of a member that comes
 back has a number after the unit. Zenoh reads the rules when a session is opened: they hold for the next certificates of
-every member, too, and who is admitted of them is decided link by link (`proxies.zenoh.link_gate`).
+every member, too, and which of them is admitted is decided link by link (`proxies.zenoh.link_gate`).
 """
 
 from datetime import UTC, datetime, timedelta
@@ -107,7 +107,7 @@ def zenoh_security_config(roster: Roster, unit: str, paths: Paths, federation: s
 
 
 def _certificates(peer: RosterMember) -> list[str]:
-    """The present certificate, unless it is revoked, and the next ones, which nobody has yet."""
+    """The present certificate, unless it is revoked, and the next ones, which no member has yet."""
     first = peer.certificate + peer.revoked
     return [common_name(peer.unit, number) for number in range(first, first + 1 + NEXT_CERTIFICATES)]
 

@@ -1,4 +1,4 @@
-"""Roads and the links on them: where both lie, and who says what is on a road."""
+"""Roads and the links on them: where both lie, and what states what is on a road."""
 
 from collections.abc import Sequence
 from math import hypot

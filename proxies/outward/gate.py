@@ -24,7 +24,7 @@ _PIECE: Final = 65_536
 
 
 def hidden_address() -> str:
-    """An address of this machine that is hard to guess, where there are many."""
+    """An address of this machine that cannot be known, where there are many."""
     if not sys.platform.startswith("linux"):
         return "127.0.0.1"
     return f"127.{secrets.randbelow(254) + 1}.{secrets.randbelow(256)}.{secrets.randbelow(254) + 1}"
@@ -59,6 +59,7 @@ class PageDoor:
         self.refused: Counter[int] = Counter()
         self._loop = asyncio.new_event_loop()
         self._thread = threading.Thread(target=self._run, name="door", daemon=True)
+        self._is_open = threading.Event()
 
     def open(self, host: str, port: int) -> None:
         """Let connections through to that server."""
@@ -70,6 +71,7 @@ class PageDoor:
         if self._thread.ident is None:
             self._listener.close()
             return
+        self._is_open.wait(2.0)
         self._loop.call_soon_threadsafe(self._loop.stop)
         self._thread.join(2.0)
 
@@ -77,6 +79,7 @@ class PageDoor:
         loop = self._loop
         asyncio.set_event_loop(loop)
         server = loop.run_until_complete(asyncio.start_server(self._on_client, sock=self._listener, limit=LONGEST_HEAD))
+        self._is_open.set()
         loop.run_forever()
         server.close()
         for task in asyncio.all_tasks(loop):

@@ -36,11 +36,11 @@ _ENDS: Final = (Opcode.DATA_END, Opcode.FOOTER)
 _DAMAGE: Final = (McapError, ValueError, EOFError, struct.error, RuntimeError, MemoryError, OverflowError)
 
 
-class End(NamedTuple):
+class DataEnd(NamedTuple):
     """The data ended as their writer had it."""
 
 
-McapItem: TypeAlias = Header | Schema | Channel | Metadata | Message | End
+McapItem: TypeAlias = Header | Schema | Channel | Metadata | Message | DataEnd
 
 
 class McapRecords:
@@ -48,7 +48,7 @@ class McapRecords:
 
     Args:
         what: what the file is to be, for messages: `journal`, `recording`.
-        remedy: said where it is none.
+        remedy: given where it is none.
 
     Raises:
         DecodeError: while read: it is empty, is no MCAP file, or has more in it than is read.
@@ -69,7 +69,7 @@ class McapRecords:
                     return
                 kind, length = _HEAD.unpack(head)
                 if kind in _ENDS:
-                    yield End()
+                    yield DataEnd()
                     return
                 if length > size - offset - _HEAD.size:
                     return

@@ -1,4 +1,4 @@
-"""Who may be linked, by certificate: one link is closed without disturbing the others, again whenever it is made again.
+"""Which members may be linked, by certificate: one link is closed without disturbing the others, again whenever it is made again.
 
 Zenoh reads its rules when a session is opened and closes no single link. It says of each link what certificate the other
 side has shown; the socket of one whose certificate the roster does not admit is shut down, and Zenoh drops the link.

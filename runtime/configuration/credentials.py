@@ -10,7 +10,7 @@ _OTHERS = 0o077
 
 
 def private_key(path: Path) -> bytes:
-    """A member's own key, 32 bytes, of a file that nobody else may read.
+    """A member's own key, 32 bytes, of a file that no other user may read.
 
     Raises:
         RosterError: it does not read, or others may read it.

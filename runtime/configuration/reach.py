@@ -148,7 +148,7 @@ def trust_files(settings: Settings, unit: str, key: Path | None = None) -> Trust
 
 
 class Speaker(NamedTuple):
-    """Who a program speaks as. A member of which several processes may run adds the number of each."""
+    """The unit that a program speaks as. A member of which several processes may run adds the number of each."""
 
     unit: str
     is_many: bool = True

@@ -11,7 +11,7 @@ from typing import Any, Final, NamedTuple
 from mcap.records import Channel, Header, Message, Metadata, Schema
 
 from dyknow.model.errors import DecodeError, WrongCall
-from proxies.recordings.mcap_records import LARGEST_CHUNK, End, McapItem, McapRecords
+from proxies.recordings.mcap_records import LARGEST_CHUNK, DataEnd, McapItem, McapRecords
 from runtime.recordings.recording_file import ABOUT, LONGEST_MESSAGE, PROFILE
 
 REMEDY: Final = "dyknow record FILE.mcap makes one"
@@ -81,7 +81,7 @@ class FederationRecording:
         """The records before the index at the end; raises DecodeError where there is more in it than is read."""
         self.is_whole = False
         for record in McapRecords(self.path, "recording", REMEDY):
-            if isinstance(record, End):
+            if isinstance(record, DataEnd):
                 self.is_whole = True
                 return
             yield record

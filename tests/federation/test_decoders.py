@@ -92,9 +92,10 @@ def _trees(name: str, rng: Random) -> list[Any]:
 
 def _mutant(name: str, rng: Random, acts: Any) -> bytes:
     if rng.random() < 0.01:
-        return rng.choice(BOMBS)
+        return bytes(rng.choice(BOMBS))
     if name == "act":
-        return bytes(next(acts))
+        act: bytes = next(acts)
+        return act
     if name == "text":
         parts = ["(", ")", "sequence", "record", "a:", '"', "\\", '"x"', "1e999", "-5", " ", "done", "\n", "é"]
         return "".join(rng.choice(parts) for _ in range(rng.randrange(1, 40))).encode()

@@ -35,7 +35,11 @@ class TomlText:
             return TomlTable(self, (), tables_of(self.text))
         except tomllib.TOMLDecodeError as wrong:
             place = re.search(r"line (\d+), column (\d+)", str(wrong))
-            line, column = (int(place[1]), int(place[2])) if place else (self.text.count("\n") + 1, 1)
+            line, column = (
+                (int(place[1]), int(place[2]))
+                if place
+                else (self.text.count("\n") + 1 if "end of document" in str(wrong) else 1, 1)
+            )
             message = re.sub(r" \(at .*\)", "", str(wrong))
             raise TextErrors((self._error(f"no TOML: {message}", example, line, column),)) from None
         except (RecursionError, ValueError) as error:

@@ -32,7 +32,7 @@ def _degrees(corner: str) -> tuple[float, float]:
 
 
 def _border(corners: tuple[str, ...]) -> tuple[str, ...]:
-    """Corners that an area can be made of, whoever does so later."""
+    """Corners that an area can be made of later."""
     try:
         Area([*map(_degrees, corners)])
     except Refused as refused:
@@ -45,7 +45,7 @@ ScanHeight = Annotated[float, Field(ge=5, le=500)]
 Border = Annotated[tuple[Corner, ...], Field(min_length=3, max_length=MAX_CORNERS), AfterValidator(_border)]
 """Of an area that can be divided: a polygon that does not cross itself."""
 Ring = Annotated[tuple[Corner, ...], Field(min_length=3, max_length=4 * MAX_CORNERS)]
-"""Of a piece: what is left of an area after cuts, a sliver as well."""
+"""Of a piece: the rest of an area after cuts, a sliver as well."""
 
 
 class DivideArea(parts.Content):

@@ -70,7 +70,7 @@ def _shown(value: str) -> str:
 
 
 _CONTROLS = re.compile(r"[\x00-\x08\x0b\x0c\x0e-\x1f\x7f-\x9f\u202a-\u202e\u2066-\u2069]")
-"""What commands a terminal, or turns the order of letters; tabs and ends of lines are part of a text."""
+"""What commands a terminal, or turns the order of characters; tabs and ends of lines are part of a text."""
 
 
 def uncontrolled(text: str) -> str:

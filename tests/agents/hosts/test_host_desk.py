@@ -250,7 +250,7 @@ def test_what_a_unit_does_wrong_is_told_and_ends_nothing() -> None:
     assert site.values("out") == [1.0]
     assert [label for label, _said in site.faults] == [Label("t")] * 3
     assert "list" in site.faults[0][1]
-    assert "finite" in site.faults[1][1]
+    assert "nan cannot be handed" in site.faults[1][1]
     assert "ZeroDivisionError" in site.faults[2][1]
 
 

@@ -63,7 +63,7 @@ def test_with_a_roster_vehicles_scan_what_a_command_centre_has_asked_for_and_not
     rescue = Rescue(3, image_us=200_000, trust=trust)
     world = rescue.world
     world.run_for(2.0)
-    by_another = world.ask("1", "0", DivideArea(area=rescue.area, scan_m=45.0))
+    by_another = world.ask("1", "0", DivideArea(area=rescue.corners(), scan_m=45.0))
     world.run_for(4.0)
     assert by_another.refusal is not None
     assert by_another.refusal[1] is not None
