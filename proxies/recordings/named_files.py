@@ -19,18 +19,15 @@ def bounded_text(path: Path, most: int = LONGEST_TEXT) -> str:
 
 
 def beside(path: Path) -> Callable[[str], str]:
-    """Reads the text of a file named in `path`, in its folder or below; that raises OSError and UnicodeDecodeError."""
+    """Reads the text of a file named in `path`, from where that lies; that raises OSError and UnicodeDecodeError."""
     return lambda name: named_text(path, name)
 
 
 def named_text(path: Path, name: str) -> str:
-    """The text of the file that `path` names so; raises OSError, also for one outside its folder, and UnicodeDecodeError."""
+    """The text of the file that `path` names so; raises OSError, also for what is no file of text, and UnicodeDecodeError."""
     if "\0" in name:
         raise OSError(22, "its name is none of a file")
-    folder = path.parent.resolve()
-    found = (folder / name).resolve()
-    if not found.is_relative_to(folder):
-        raise OSError(13, "it lies outside the folder of the file that names it; put it there")
+    found = path.parent / name
     if not S_ISREG(found.stat().st_mode):
         raise OSError(22, "it is no file of text")
     return bounded_text(found)

@@ -31,19 +31,18 @@ class ZenohOptions:
     Attributes:
         federation: its name; sessions of different names never hear each other.
         listen: Zenoh endpoints (`tcp/127.0.0.1:7447`); none: a free port of the interface's address.
-        local: a further endpoint on loopback, with a backlog of its own: connections to the others do not delay it.
         connect: Zenoh endpoints to dial; scouting is off then.
         discover: `multicast`, or `none` when only endpoints are to be used.
         interface: the network interface for scouting and listening.
         lease_ms: after this long without a sign a peer's link is closed; 10 000 where more than 5 % of frames are lost.
         gossip: peers tell each other of third ones; without scouting the side with the greater identity then dials.
         roster: file of the roster, which is read again whenever it changes; certificates that it does not admit get no link.
+        local: a further endpoint on loopback, with a backlog of its own: connections to the others do not delay it.
         security: merged over the rest: mutual TLS and access control, as `federation.security.tls` makes it.
     """
 
     federation: str = "default"
     listen: tuple[str, ...] = ()
-    local: str | None = None
     connect: tuple[str, ...] = ()
     discover: Literal["multicast", "none"] = "multicast"
     interface: str = LOOPBACK
@@ -51,6 +50,7 @@ class ZenohOptions:
     gossip: bool = True
     security: Mapping[str, Any] | None = None
     roster: Path | None = None
+    local: str | None = None
 
 
 def multicast_port(federation: str) -> int:

@@ -63,6 +63,7 @@ class Members:
             }
         )
         (directory / "roster.toml").write_text(str(self.roster))
+        (directory / "0.seed").touch(mode=0o600)
         (directory / "0.seed").write_text(seed("0").hex())
         config = NodeConfig(
             unit="0",

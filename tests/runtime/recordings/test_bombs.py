@@ -261,13 +261,13 @@ def test_a_small_file_costs_little_and_is_refused_with_place_cause_and_remedy(
     )
 
 
-@pytest.mark.parametrize("name", ["../secret", "/etc/passwd", "in/../../secret", "link", "folder", "a\0b"])
-def test_a_file_names_only_files_of_its_own_folder(name: str, tmp_path: Path) -> None:
-    (tmp_path / "secret").write_text("secret")
+@pytest.mark.parametrize("name", ["folder", "/dev/zero", "a\0b", "missing"])
+def test_a_file_names_only_files_of_text(name: str, tmp_path: Path) -> None:
     (tmp_path / "in" / "folder").mkdir(parents=True)
-    (tmp_path / "in" / "link").symlink_to(tmp_path / "secret")
+    (tmp_path / "roads.geojson").write_text("roads")
     (tmp_path / "in" / "folder" / "a.kpl").write_text("mine")
     read = beside(tmp_path / "in" / "a.kpl")
     assert read("folder/a.kpl") == "mine"
-    with pytest.raises(OSError, match=r"outside|no file|none of a file"):
+    assert read("../roads.geojson") == "roads"
+    with pytest.raises(OSError, match=r"no file|none of a file|No such file"):
         read(name)
