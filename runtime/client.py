@@ -187,9 +187,10 @@ class Client:
     def nobody(self) -> str:
         """That there is no platform, and what to do about it."""
         trouble = "".join(f"\n{why}" for why in self._trouble())
+        signs = "" if self.centre.member.trust is not None else ", or their roster, if they have one, with --roster"
         return (
             f"no platform of federation {self.federation} is there; start some with dyknow up, "
-            f"or name the federation they are in with --federation (and how to reach it with --connect).{trouble}"
+            f"or name the federation they are in with --federation (and how to reach it with --connect){signs}.{trouble}"
         )
 
     @cached_property

@@ -162,12 +162,14 @@ class Liveness:
         return self._check_us
 
     def heard(self, now_us: int) -> list[str]:
-        """The units that this platform hears directly, and whose token it has if they had one, for its own heartbeat."""
+        """The units that this platform hears directly, for its own heartbeat; none that is back without its token."""
         since_us = now_us - SUSPECT_US
         return [
             peer.unit
             for peer in self.peers.values()
-            if peer.heard_us > since_us and peer.state is not _GONE and peer.untold_us is None
+            if peer.heard_us > since_us
+            and peer.state is not _GONE
+            and (peer.untold_us is None or peer.state is not _ALIVE)
         ]
 
     def on_heartbeat(

@@ -44,7 +44,7 @@ def test_a_platform_on_a_full_disk_flies_on_and_is_listed_with_what_it_lost(dykn
             (listed,) = dyknow.run("ls")
         assert sorted(text.partition(":")[0] for text in texts) == [
             "records of this platform cannot be written",
-            "the journal has ended",
+            "there is no journal",
         ]
         assert all("No space left on device" in text for text in texts)
         shown, _ = dyknow.raw("ls")
