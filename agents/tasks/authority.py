@@ -23,6 +23,7 @@ from federation.messages.contents import (
     DivideArea,
     MonitorProximity,
     PermitMission,
+    Progress,
     TaskOver,
     When,
     read,
@@ -251,6 +252,9 @@ class Authority(Part):
         found = self.proven(act, content.task, (DivideArea, PermitMission), now_us)
         self.check_leads(found, act.sender.unit, act.boot, now_us)
         self.end(found, now_us)
+        if act.sender.unit != found.delegator and self._directory.is_present(found.delegator):
+            news = Progress(step=f"the task was ended by {act.sender.unit}", unit=self._unit)
+            self._agent.tell(found.delegator, news, now_us, conversation=found.task)
         for over in self.on_over:
             over(content.task, now_us)
 

@@ -194,12 +194,11 @@ class TaskLife(Part):
         self.forget(led.task)
 
     def end_by(self, led: CoordinatedTask, by: str, now_us: int) -> None:
-        """Its coordinator ended the task here. If that is not the delegate, it is listed, and its delegator notified."""
-        if by == led.delegate:
-            return
-        self._ended_by_others[led.task] = EndedTask(led.task, led.delegator, led.delegate, by, now_us)
-        if len(self._ended_by_others) > LISTED:
-            del self._ended_by_others[next(iter(self._ended_by_others))]
+        """Its coordinator ended the task here: its delegator is notified; if that is not the delegate, it is listed."""
+        if by != led.delegate:
+            self._ended_by_others[led.task] = EndedTask(led.task, led.delegator, led.delegate, by, now_us)
+            if len(self._ended_by_others) > LISTED:
+                del self._ended_by_others[next(iter(self._ended_by_others))]
         if led.delegator not in {"", by, self._unit} and self._is_present(led.delegator):
             told = Progress(step=f"monitoring ended by {by}", unit=self._unit)
             self._agent.tell(led.delegator, told, now_us, conversation=led.task)

@@ -16,12 +16,14 @@ from federation.members.liveness import PeerState
 from federation.members.member import Member
 from federation.messages.acts import Act, Performative
 from federation.messages.codec import StreamSample
-from federation.messages.contents import Content, EndStream, Reason, Stream, read
+from federation.messages.contents import Content, EndStream, Progress, Reason, Stream, read
 from federation.messages.dialogue import Dialogue
 from federation.messages.protocols import OPENING
 from federation.security.trust import Trust
 from federation.transport import TokenChanged, WireEffect, WireEvent
 
+STANDING = 256
+"""Conversations of which later news are taken: a task outlives its delegate."""
 OnSample: TypeAlias = Callable[[ImportName, StreamSample, int], None]
 """Takes the stream's owner, semantic label and policy hash, a sample, and its arrival (node clock)."""
 
@@ -67,6 +69,7 @@ class CommandCentre:
     Attributes:
         refused: acts that were not accepted, by reason; `member.refused` has the events.
         on_sample: takes the samples of all streams that were announced to it.
+        followed: what it has delegated, by conversation, of which later news are taken.
     """
 
     def __init__(
@@ -85,6 +88,7 @@ class CommandCentre:
         )
         self.on_sample: OnSample = lambda _name, _sample, _at_us: None
         self._calls: list[Steppable] = []
+        self.followed: dict[str, Dialogue] = {}
         self._changed_us = now_us
         self._tokens: dict[str, dict[str, str]] = {}
 
@@ -141,12 +145,20 @@ class CommandCentre:
             within_us=within_us,
             standing=standing,
         )
+        self.follow(dialogue)
         return dialogue, self._done()
+
+    def follow(self, dialogue: Dialogue) -> None:
+        """Take later news of what was delegated, also of other platforms than the delegate."""
+        self.followed[dialogue.conversation] = dialogue
+        if len(self.followed) > STANDING:
+            del self.followed[next(iter(self.followed))]
 
     def cancel(
         self, unit: str, conversation: str, now_us: int, *, within_us: int = REPLY_WITHIN_US
     ) -> tuple[Dialogue, list[WireEffect]]:
         """End a task of `unit`, delegated by this command centre or by another."""
+        self.followed.pop(conversation, None)
         dialogue = Dialogue(unit, conversation)
         self.member.acts.cancel_task(
             unit,
@@ -227,6 +239,8 @@ class CommandCentre:
         except ContentError:
             self.refused["not understood"] += 1
             return
+        if isinstance(content, Progress):
+            self._on_progress(act, content, now_us)
         if isinstance(content, Stream | EndStream):
             for label in content.semantic_labels:
                 name = (content.owner, label, content.hash)
@@ -234,6 +248,15 @@ class CommandCentre:
                     self.member.import_stream(name, partial(self._on_samples, name), now_us)
                 else:
                     self.member.end_import(name)
+
+    def _on_progress(self, act: Act, content: Progress, now_us: int) -> None:
+        """A platform reports of a task after its delegate has gone; several that report the same do so once."""
+        dialogue = self.followed.get(act.conversation_id or "")
+        if dialogue is None or any(getattr(each, "step", None) == content.step for _, each in dialogue.said):
+            return
+        dialogue.on_reply(act, content, False, now_us)
+        if dialogue.over:
+            dialogue.failed = content.step
 
     def on_lost(self, opening: Act, now_us: int) -> None:
         """Nothing was promised."""

@@ -17,6 +17,7 @@ from federation import keys
 from federation.messages import protocols
 from federation.messages.acts import Act, AgentName, Performative
 from federation.messages.codec import encode_act
+from federation.messages.contents import Progress
 from federation.messages.delivery import Delivery
 from federation.messages.receipts import Receipt, encode_receipt
 from federation.messages.sexpr import Expr, QuotedText
@@ -187,7 +188,9 @@ class Conversations:
                 found = self._open.get((conversation, peer, True))
                 if found is not None:
                     return self._replied(conversation, found, act, now_us)
-            if performative is P.INFORM and any(name[0] == conversation and name[2] for name in self._open):
+            if performative is P.INFORM and (
+                _is_progress(act) or any(name[0] == conversation and name[2] for name in self._open)
+            ):
                 return [protocols.Incoming(act)]
             is_bid = performative is P.PROPOSE and act.protocol == protocols.PROTOCOLS[P.CFP]
             if (is_bid or performative not in protocols.OPENING) and conversation.startswith(self._prefix):
@@ -378,3 +381,8 @@ def _cancel(opening: Act, content: Expr | None = None) -> Act:
         opening.protocol,
         ontology=opening.ontology,
     )
+
+
+def _is_progress(act: Act) -> bool:
+    """Whether it reports of a task, which outlives the conversation with its delegate."""
+    return act.in_reply_to is None and act.content is not None and act.content.head == Progress.head

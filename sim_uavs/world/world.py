@@ -278,10 +278,16 @@ class World:
                 dialogue.on_silence(refused.reason, now_us)
 
         self.speak(by, say)
+        centre = self.nodes[by].process
+        if isinstance(centre, CommandCentre):
+            centre.follow(dialogue)
         return dialogue
 
     def cancel(self, by: str, to: str, conversation: str) -> None:
         """`by` cancels its conversation."""
+        centre = self.nodes[by].process
+        if isinstance(centre, CommandCentre):
+            centre.followed.pop(conversation, None)
         self.speak(by, lambda member, now_us: member.acts.cancel(to, conversation, now_us))
 
     # -- inside -------------------------------------------------------------------------------------------------
