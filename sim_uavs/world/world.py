@@ -265,15 +265,9 @@ class World:
         def say(member: Member, now_us: int) -> None:
             try:
                 dialogue.conversation = member.acts.ask(
-                    to,
-                    content,
-                    now_us,
-                    performative=performative,
-                    on_reply=dialogue.on_reply,
-                    on_silence=dialogue.on_silence,
-                    within_us=within_us,
-                    standing=content.head in LASTING,
-                )
+                    to, content, now_us, performative=performative, on_reply=dialogue.on_reply,
+                    on_silence=dialogue.on_silence, within_us=within_us, standing=content.head in LASTING,
+                )  # fmt: skip
             except Refused as refused:
                 dialogue.on_silence(refused.reason, now_us)
 
