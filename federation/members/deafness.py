@@ -170,7 +170,7 @@ class DeafnessWatchdog:
         if 2 * len(unheard) > len(heard):
             more = f" and {len(unheard) - 1} more do" if unheard[1:] else " does"
             return f"{unheard[0]}{more} not hear this session"
-        self._contradict(peers, witnesses, heard, hearing_us, now_us)
+        self._contradict(peers, witnesses, heard, unlisted_us, now_us)
         if not unlisted_us and not self._alone_us and self._mentioned_us.keys() <= heard:
             self._settled = {unit: peers[unit].hears for unit in heard}
         return None
@@ -194,11 +194,17 @@ class DeafnessWatchdog:
         return None
 
     def _contradict(
-        self, peers: Mapping[str, Peer], witnesses: Counter[str], heard: set[str], hearing_us: set[str], now_us: int
+        self,
+        peers: Mapping[str, Peer],
+        witnesses: Counter[str],
+        heard: set[str],
+        unlisted_us: Mapping[str, int],
+        now_us: int,
     ) -> None:
         """Note which one among three or more says that it does not hear us, or that it hears a platform."""
         alone: dict[tuple[str, str], str] = {}
-        if len(deaf := heard - hearing_us) == 1 and len(heard) > 1:
+        deaf = {unit for unit, for_us in unlisted_us.items() if for_us >= MOST_US}  # one that joins hears us soon
+        if len(deaf) == 1 and len(heard) > 1:
             (unit,) = deaf
             alone[unit, "deaf"] = f"{unit} says that it does not hear this platform, which others hear"
         if len(heard) > 1:
@@ -207,9 +213,9 @@ class DeafnessWatchdog:
                 if claimed := sorted(once.intersection(peers[unit].hears)):
                     more = f" and {len(claimed) - 1} more" if claimed[1:] else ""
                     alone[unit, "hears"] = f"{unit} alone says that it hears {claimed[0]}{more}"
-        for_us = self._note(self._alone_us, set(alone), now_us)
-        shown = [name for name in sorted(alone) if for_us[name] >= SHOWN_US][:CONTRADICTED]
-        self.contradicted = tuple(Contradicted(name[0], alone[name], now_us - for_us[name]) for name in shown)
+        since_us = self._note(self._alone_us, set(alone), now_us)
+        shown = [name for name in sorted(alone) if since_us[name] >= SHOWN_US][:CONTRADICTED]
+        self.contradicted = tuple(Contradicted(name[0], alone[name], now_us - since_us[name]) for name in shown)
 
     def _is_settled(self, peers: Mapping[str, Peer], heard: set[str]) -> bool:
         """Whether all list, word for word, the peers of the last time when all heard all, and have their tokens."""
