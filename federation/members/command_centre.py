@@ -252,7 +252,12 @@ class CommandCentre:
     def _on_progress(self, act: Act, content: Progress, now_us: int) -> None:
         """A platform reports of a task after its delegate has gone; several that report the same do so once."""
         dialogue = self.followed.get(act.conversation_id or "")
-        if dialogue is None or any(getattr(each, "step", None) == content.step for _, each in dialogue.said):
+        is_answered = dialogue is not None and dialogue.over and dialogue.failed is None
+        if (
+            dialogue is None
+            or is_answered
+            or any(getattr(each, "step", None) == content.step for _, each in dialogue.said)
+        ):
             return
         dialogue.on_reply(act, content, False, now_us)
         if dialogue.over:
