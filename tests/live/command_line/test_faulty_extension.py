@@ -12,6 +12,7 @@ pytestmark = pytest.mark.live
 NAME = "tests.live.command_line.faulty"
 
 
+@pytest.mark.full
 def test_a_part_that_raises_in_everything_ends_no_process_and_is_shown(dyknow: Dyknow) -> None:
     port = free_port()
     options = ("--scenario", "hover", "--extension", NAME, "--metrics", str(port), "--detach")

@@ -104,6 +104,7 @@ def follow(holder: Holder, samples: int) -> None:
     until(lambda: len(holder.heard) >= begun + samples)
 
 
+@pytest.mark.full
 def test_a_revoked_certificate_gets_next_to_nothing_after_5_s_and_nobody_else_notices(
     secured: tuple[Dyknow, Path, Callable[..., Holder]], tmp_path: Path
 ) -> None:
