@@ -71,6 +71,7 @@ from agents.specification.remote_changes import SpecificationChanges
 from agents.specification.specification_part import SpecificationPart
 from agents.succession.mission_succession import MissionSuccession
 from agents.tasks.authority import Authority
+from agents.tasks.command_watch import CommandWatch
 from agents.tasks.life import TaskLife
 from dyknow import Label, Network
 from dyknow.model.errors import UnitError
@@ -91,7 +92,7 @@ from reasoning import AlarmEvent, Profile
 T = TypeVar("T", bound=Part)
 
 PARTS: tuple[type[Part], ...] = (
-    Authority, Cameras, WinchStream, CameraAttention, FlightAgent, Performing, MissionLeading, MissionProposals, MissionRelay, MissionSuccession, Following, RecoveringAnchors, Faults, Shedding, LocalInstance, FederationAgent, ImportProxy, LabelAgreements, SubscriptionKeeper, SilentImports, Bids, Calls, AreaAssignment, AreaDivision, Scanning,
+    Authority, CommandWatch, Cameras, WinchStream, CameraAttention, FlightAgent, Performing, MissionLeading, MissionProposals, MissionRelay, MissionSuccession, Following, RecoveringAnchors, Faults, Shedding, LocalInstance, FederationAgent, ImportProxy, LabelAgreements, SubscriptionKeeper, SilentImports, Bids, Calls, AreaAssignment, AreaDivision, Scanning,
     Admission, PlatformTrust, UnitMonitoring,
     AlarmLog, Coordination, TaskLife, GivingWay, MonitorQueries, Checks, Recognitions, StreamQueries, SpecificationPart,
     SpecificationChanges, ObjectQueries, Learning, Wanting, Cooperation, Handover, Saliency, MessageLog, DirectoryAgent,

@@ -12,6 +12,7 @@ from agents.admission.limits import COMMANDING, TEXT_BURST, TEXT_PER_S, ActLimit
 from agents.containment import Containment, place_of
 from agents.interface import InterfaceAgent
 from agents.part import ClockCompared, Followed, Part, PeerChange
+from agents.tasks.command_watch import CommandWatch
 from dyknow.model import errors
 from federation import keys
 from federation.members.correspondence import INTERFACE
@@ -57,6 +58,7 @@ class Admission(Part):
         role_of: what a unit may ask for.
         refuse: counts what is dropped before it is an act.
         contain: what becomes of an act whose part raises.
+        watch: is told of acts that are refused for who sends them.
 
     Raises:
         UnitError: a part has no method that an action of it names.
@@ -74,10 +76,11 @@ class Admission(Part):
         role_of: Callable[[str], Role],
         refuse: Callable[[str], None],
         contain: Containment,
+        watch: CommandWatch,
     ) -> None:
         self._interface, self._parts, self._limits, self._role_of = agent, tuple(parts), limits, role_of
         self._texts = ActLimits(TEXT_PER_S, TEXT_BURST)
-        self._contain, self._refuse, self._unit = contain, refuse, agent.unit
+        self._contain, self._refuse, self._unit, self._watch = contain, refuse, agent.unit, watch
         self.table = ServiceTable(offer for part in parts for offer in part.offers)
         self._handlers: dict[str, Handler] = {
             action.head: _handler(part, action) for part in parts for offer in part.offers for action in offer.actions
@@ -140,6 +143,8 @@ class Admission(Part):
             self._answer(act, P.FAILURE, wrong, now_us)
         except errors.DyknowError as wrong:
             self._answer(act, P.REFUSE, wrong, now_us)
+            if isinstance(wrong, errors.Refused):
+                self._watch.refuse(act, wrong, now_us)
             return f"{wrong.code.replace('-', ' ') if isinstance(wrong, Denied) else 'refused'}: {wrong}"
         except Exception as wrong:  # noqa: BLE001  (contained)
             head = "cancel" if act.content is None else act.content.head

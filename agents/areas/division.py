@@ -136,6 +136,7 @@ class AreaDivision(Part):
         self.areas: dict[str, DividedArea] = {}
         self.succeeds_us: dict[str, int] = {}
         own.on_led = self._on_led
+        authority.on_over.append(self._on_over)
 
     def on_divide(self, act: Act, content: DivideArea, now_us: int) -> None:
         """`(divide-area ...)`: until it is cancelled.
@@ -159,6 +160,12 @@ class AreaDivision(Part):
         self._authority.end(divided.evidence, now_us, {**divided.asked, **divided.pieces})
         self._own.drop(task, now_us)
         return ()
+
+    def _on_over(self, name: str, now_us: int) -> None:
+        """A command centre has ended it at each platform."""
+        task = self._tasks.get(name) if name in self.areas else None
+        if task is not None:
+            self._tasks.end(task, "a command centre", now_us)
 
     # -- ask ---------------------------------------------------------------------------------------------------
 

@@ -221,7 +221,7 @@ class Scanning(Part):
         if self._joined == scan.task:
             return True
         try:
-            self._performing.join(scan.task, piece.leader, lambda _waits, _at_us: None, now_us)
+            self._performing.join(scan.task, piece.leader, lambda _waits, _at_us: None, now_us, word=piece.evidence)
         except Refused as refused:
             self._show(f"scan: {refused.reason}", now_us)
             return False

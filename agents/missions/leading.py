@@ -109,6 +109,7 @@ class MissionLeading(Part):
         self._gateway, self._local, self._keeper, self._performing = gateway, local, keeper, performing
         self._tasks, self._origin, self._emit, self._note_of = tasks, origin, emit, note
         self._authority = authority
+        authority.on_over.append(self._on_over)
         self._led: dict[str, LedMission] = {}
         self.listed: dict[str, ListedRecovery] = {}
         self._over: dict[str, LedMission] = {}
@@ -243,6 +244,12 @@ class MissionLeading(Part):
         if led is not None:
             led.end("it was cancelled", now_us)
         return ()
+
+    def _on_over(self, name: str, now_us: int) -> None:
+        """A command centre has ended it at each platform."""
+        led = self._led.get(name)
+        if led is not None:
+            led.end("a command centre ended it", now_us)
 
     def on_cancel(self, act: Act, now_us: int) -> bool:  # noqa: ARG002  (as every part)
         """It is cancelled while its texts are read."""

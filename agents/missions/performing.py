@@ -17,7 +17,8 @@ from agents.flight.pilot import Pilot
 from agents.interface import InterfaceAgent
 from agents.missions.command_run import CommandRun, VehicleCommand
 from agents.part import Part
-from agents.tasks.authority import Authority
+from agents.tasks.authority import Authority, TaskEvidence
+from agents.tasks.command_watch import CommandWatch
 from agents.tasks.life import TaskLife
 from agents.tasks.task import Task
 from dyknow.model.errors import Refused
@@ -43,13 +44,14 @@ Answer = Callable[[str, int], None]
 
 @dataclass(slots=True)
 class _Joined:
-    """The mission that has the vehicle: in which life of its leader, and what it does."""
+    """The mission that has the vehicle: in which life of its leader, by whose word, and what it does."""
 
     mission: str
     leader: str
     boot: int
     conversation: str
     tell: Callable[[str, int], None]
+    word: TaskEvidence | None = None
     waits: str = ""
     run: CommandRun | None = None
     action: str = ""
@@ -87,6 +89,7 @@ class Performing(Part):
         pilot: Pilot,
         tasks: TaskLife,
         authority: Authority,
+        watch: CommandWatch,
         role_of: Callable[[str], Role],
         emit: Callable[[Command], None],
         note: Callable[[str], None],
@@ -94,7 +97,8 @@ class Performing(Part):
     ) -> None:
         self._unit, self._agent, self._clock, self._flight, self._pilot = unit, agent, clock, flight, pilot
         self._tasks, self._emit, self._note, self._offer = tasks, emit, note, offer
-        self._authority, self.permits = authority, Permits(unit, role_of, authority)
+        self._authority, self.permits, self._watch = authority, Permits(unit, role_of, authority), watch
+        authority.on_over.append(self._on_over)
         self._joined: _Joined | None = None
         self._due_us = 0
         self._is_released = False
@@ -132,7 +136,9 @@ class Performing(Part):
 
     def on_permit(self, act: Act, content: PermitMission, now_us: int) -> None:
         """`(permit-mission ...)`: let platforms lead a mission with this vehicle."""
-        self.permits.permit(self._authority.delegated(act, content), now_us)
+        permit = self._authority.delegated(act, content)
+        self._authority.permitted_anew(permit)
+        self.permits.permit(permit, now_us)
         self._pilot.waiting.pop(content.mission, None)
         self._agent.done(act, now_us)
 
@@ -163,8 +169,9 @@ class Performing(Part):
         now_us: int,
         conversation: str = "",
         boot: int = 0,
+        word: TaskEvidence | None = None,
     ) -> None:
-        """Give the vehicle to a mission; `tell` takes why it waits.
+        """Give the vehicle to a mission; `tell` takes why it waits; `word` delegated it, where that is no permit.
 
         Raises:
             Refused: another mission has it, it may not be commanded, or its pilot has it.
@@ -173,7 +180,9 @@ class Performing(Part):
             raise Refused(f"the vehicle takes part in mission {self._joined.mission}", "mission")
         self._pilot.begin_mission(mission)
         self._flight.supersede(now_us)
-        self._joined = _Joined(mission, leader, boot, conversation, tell)
+        word = word or self.permits.of(mission, now_us)
+        self._joined = _Joined(mission, leader, boot, conversation, tell, word)
+        self._watch.obeys(word, leader, now_us)
         self._show(now_us)
 
     def leave(self, now_us: int, *, is_over: bool = True) -> None:
@@ -186,11 +195,23 @@ class Performing(Part):
         self._pilot.end_mission(is_over=is_over and not self._is_released)
         if is_over:
             self.permits.end(joined.mission)
+        self._watch.obeys_nobody(now_us)
         self._show(now_us)
 
     def _left(self, now_us: int) -> tuple[str, ...]:
         self.leave(now_us)
         return ()
+
+    def _on_over(self, mission: str, now_us: int) -> None:
+        """A command centre, or its leader, has ended the mission: the vehicle holds."""
+        joined = self._joined
+        if joined is None or joined.mission != mission:
+            return
+        self._note(f"mission {mission} was ended; the vehicle holds")
+        if joined.conversation:
+            self._agent.end(joined.conversation, joined.leader, f"mission {mission} was ended", now_us)
+            self._tasks.cancel(joined.conversation, now_us)
+        self.leave(now_us)
 
     def on_lost(self, act: Act, now_us: int) -> bool:
         """The leader is gone: the vehicle holds, and is free."""
@@ -325,7 +346,8 @@ class Performing(Part):
         joined, text = self._joined, ""
         if joined is not None:
             doing = f"waits: {joined.waits}" if joined.waits else joined.action if joined.run else "is idle"
-            text = f"mission {joined.mission}, of platform {joined.leader}: {doing}"[:200]
+            by = f", delegated by {joined.word.delegator}" if joined.word is not None else ""
+            text = f"mission {joined.mission}, of platform {joined.leader}{by}: {doing}"[:200]
         if text != (self._shown.text if self._shown else ""):
             self._shown = ConditionEntry(text=text, since_us=now_us) if text else None
             self._offer(now_us)

@@ -18,6 +18,7 @@ from agents.monitoring.monitors import UnitMonitors
 from agents.monitoring.reported_alarms import ReportedAlarms
 from agents.part import Part, PeerChange
 from agents.tasks.authority import Authority
+from agents.tasks.command_watch import ABOUT_COMMANDERS
 from agents.tasks.life import TaskLife
 from agents.tasks.requests import CREATE_MONITOR, MONITOR_PROXIMITY, REMOVE_MONITOR
 from agents.tasks.task import Claim, CoordinatedTask, Task
@@ -362,7 +363,7 @@ class Coordination(Part):
         for led in self._life.coordinated.values():
             if _watches(led, event.monitor):
                 self._pass_on(led, alarm, now_us)
-        for unit in event.units[1:]:
+        for unit in event.units[1:] if event.monitor not in ABOUT_COMMANDERS else ():
             if self._directory.is_present(unit):
                 self._agent.tell(unit, alarm, now_us)
 

@@ -4,14 +4,15 @@ The delegate keeps the act as it arrived, and whatever it requests of others for
 successors. A receiver verifies it once: it is of the delegator, whose role allows it, and names the task, its delegate and what is
 to be done. The order of succession is one for monitors, divisions, scans and missions: the delegate, then the others by unit, or as
 a permit names them; a platform whose present life began after the delegation ranks after all that were there. One is obeyed when
-all before it are gone here, and have been for half a second. What is over is not begun again. Times are the node clock.
+all before it are gone here, and have been for half a second. What is over is not begun again, unless its delegator permits it
+anew; a command centre ends any task at each platform, whoever leads it. Times are the node clock.
 """
 
 from collections.abc import Callable, Iterable
 from hashlib import sha256
 from typing import Final, NamedTuple, TypeAlias
 
-from agents.actions import COORDINATION, FEDERATION, INFORMED, Action, Offer, Role
+from agents.actions import COORDINATION, FEDERATION, INFORMED, REQUESTED, Action, Offer, Role
 from agents.interface import InterfaceAgent
 from agents.part import Part, PeerChange
 from dyknow.model.errors import ContentError, Refused
@@ -83,7 +84,7 @@ class Authority(Part):
         on_over: called with the name of a task that is over everywhere.
     """
 
-    offers = (Offer(COORDINATION, (Action(TaskOver, "on_task_over", INFORMED),)),)
+    offers = (Offer(COORDINATION, (Action(TaskOver, "on_task_over", INFORMED | REQUESTED),)),)
 
     def __init__(
         self,
@@ -96,6 +97,7 @@ class Authority(Part):
         self._unit, self._boot, self._agent, self._directory, self._role_of = unit, boot, agent, directory, role_of
         self._proven: dict[bytes, TaskEvidence] = {}
         self._over: dict[str, dict[str, None]] = {}
+        self._ended_here: dict[str, None] = {}
         self._gone_us: dict[str, int] = {}
         self.on_over: list[Callable[[str, int], None]] = []
 
@@ -229,7 +231,12 @@ class Authority(Part):
 
     def is_over(self, found: TaskEvidence) -> bool:
         """Whether the task has ended here."""
-        return found.task in self._over.get(found.delegator, ())
+        return found.task in self._ended_here or found.task in self._over.get(found.delegator, ())
+
+    def permitted_anew(self, found: TaskEvidence) -> None:
+        """Its delegator has just permitted it: what went by that name before is another."""
+        self._ended_here.pop(found.task, None)
+        self._over.get(found.delegator, {}).pop(found.task, None)
 
     def end(self, found: TaskEvidence, now_us: int, told: Iterable[str] = ()) -> None:
         """A task is over, these platforms are notified; its evidence is worth nothing from now on."""
@@ -244,11 +251,20 @@ class Authority(Part):
             del self._over[next(iter(self._over))]
 
     def on_task_over(self, act: Act, content: TaskOver, now_us: int) -> None:
-        """`(task-over ...)` of the platform that leads the task.
+        """`(task-over ...)` of the platform that leads the task, or of a command centre, which needs no evidence.
 
         Raises:
             Refused: it does not, or shows no evidence.
         """
+        if not act.evidence and self._role_of(act.sender.unit) is Role.COMMAND_CENTRE:
+            self._ended_here[content.task] = None
+            if len(self._ended_here) > OVER_OF_ONE:
+                del self._ended_here[next(iter(self._ended_here))]
+            for over in self.on_over:
+                over(content.task, now_us)
+            if act.performative is Performative.REQUEST:
+                self._agent.done(act, now_us)
+            return
         found = self.proven(act, content.task, (DivideArea, PermitMission), now_us)
         self.check_leads(found, act.sender.unit, act.boot, now_us)
         self.end(found, now_us)
@@ -257,6 +273,8 @@ class Authority(Part):
             self._agent.tell(found.delegator, news, now_us, conversation=found.task)
         for over in self.on_over:
             over(content.task, now_us)
+        if act.performative is Performative.REQUEST:
+            self._agent.done(act, now_us)
 
     # -- peers -------------------------------------------------------------------------------------------------
 

@@ -11,6 +11,7 @@ from federation.messages.contents import AnswerQuestion, ControlMission
 from federation.messages.dialogue import Dialogue
 from runtime.client import Client, Job, Wait
 from runtime.library.jobs import begin_task, failure_of, running_already, tasks
+from runtime.library.missions import abort_mission
 
 ANSWER_S: Final = 3.0
 MOST_VALUES: Final = 32
@@ -29,6 +30,8 @@ def job_of(client: Client, given: Mapping[str, Any]) -> Job[Done]:
             return _cancel(client, conversation)
         case {"do": "answer", "unit": str(unit), "mission": str(mission), "number": int(number), "answer": str(answer)}:
             return _control(client, unit, lambda: AnswerQuestion(mission=mission, number=number, answer=answer))
+        case {"do": "mission", "mission": str(mission), "how": "abort"}:
+            return _abort(client, mission)
         case {"do": "mission", "unit": str(unit), "mission": str(mission), "how": str(how)}:
             return _control(client, unit, lambda: ControlMission.model_validate({"mission": mission, "how": how}))
     raise WrongCall("the page asks for what this program does not know; reload it.")
@@ -70,6 +73,14 @@ def _control(client: Client, unit: str, content: Callable[[], AnswerQuestion | C
     dialogue = client.say(unit, Performative.REQUEST, said, within_s=ANSWER_S)
     yield Wait(lambda: bool(dialogue.results or dialogue.over), ANSWER_S)
     return _answered(dialogue)
+
+
+def _abort(client: Client, mission: str) -> Job[Done]:
+    found = yield from abort_mission(client, mission)
+    if found.unsure:
+        texts = "; ".join(f"platform {unit}: {why}" for unit, why in found.unsure.items())
+        raise FederationFailed(f"mission {mission} may continue there, take the vehicle by hold: {texts}")
+    return {"said": f"ended at platform {', '.join(found.ended)}"}
 
 
 def _answered(dialogue: Dialogue) -> Done:

@@ -148,9 +148,9 @@ class CommandCentre:
         self.follow(dialogue)
         return dialogue, self._done()
 
-    def follow(self, dialogue: Dialogue) -> None:
-        """Take later news of what was delegated, also of other platforms than the delegate."""
-        self.followed[dialogue.conversation] = dialogue
+    def follow(self, dialogue: Dialogue, task: str = "") -> None:
+        """Take later news of what was delegated, also of other platforms than the delegate; `task`: its name, if it has another."""
+        self.followed[task or dialogue.conversation] = dialogue
         if len(self.followed) > STANDING:
             del self.followed[next(iter(self.followed))]
 

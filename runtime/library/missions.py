@@ -21,6 +21,7 @@ from federation.messages.contents import (
     MissionQuery,
     PermitMission,
     TakeMission,
+    TaskOver,
 )
 from federation.messages.dialogue import Dialogue
 from runtime.client import Client, Job, Wait
@@ -106,6 +107,7 @@ def begin_mission(
         return (yield from _called(client, call, leaders, taking_part, consent or (lambda _proposals: True)))
     yield from _permit(client, name, leaders[0], taking_part)
     dialogue = client.say(leaders[0], P.REQUEST, content, within_s=AGREE_S, standing=True)
+    client.centre.follow(dialogue, name)
     yield Wait(lambda: bool(dialogue.said or dialogue.over), AGREE_S + GRACE_S)
     if dialogue.trouble is not None or not dialogue.said:
         raise failure_of(dialogue, "no answer in time")
@@ -155,6 +157,7 @@ def _called(
     yield from _permit(client, call.mission, chosen.unit, taking_part)
     client.decide(chosen, P.ACCEPT_PROPOSAL, TakeMission())
     chosen.said.clear()
+    client.centre.follow(chosen, call.mission)
     return chosen
 
 
@@ -192,8 +195,41 @@ def find_mission(client: Client, name: str | None) -> Job[tuple[str, MissionEntr
     return named[0]
 
 
+class AbortedMission(NamedTuple):
+    """What became of ending a mission: the platforms where it is over, and why it may continue at others, by platform."""
+
+    name: str
+    ended: tuple[str, ...]
+    unsure: Mapping[str, str]
+
+
+def abort_mission(client: Client, name: str | None) -> Job[AbortedMission]:
+    """End a mission at each platform, whoever leads it, and whether that one answers: vehicles that fly for it hold.
+
+    Raises:
+        NothingFound: no platform lists a mission of that name, and no vehicle shows that it flies for it.
+        WrongCall: several run, and none is named.
+    """
+    try:
+        _, entry = yield from find_mission(client, name)
+        name = entry.mission
+    except NothingFound:
+        if name is None or not any(_flies_for(client, unit, name) for unit in client.pick(None)):
+            raise
+    over, units = TaskOver(task=name), client.pick(None)
+    asked = [client.say(unit, P.REQUEST, over, within_s=ANSWER_S) for unit in units]
+    yield Wait(lambda: all(one.over or bool(one.results) for one in asked), ANSWER_S + GRACE_S)
+    unsure = {one.unit: one.trouble or "no answer in time" for one in asked if not one.results}
+    return AbortedMission(name, tuple(one.unit for one in asked if one.results), unsure)
+
+
+def _flies_for(client: Client, unit: str, mission: str) -> bool:
+    entry = client.centre.member.directory.entry(unit)
+    return entry is not None and any(each.text.startswith(f"mission {mission},") for each in entry.conditions)
+
+
 def control_mission(client: Client, name: str | None, how: str) -> Job[str]:
-    """`suspend`, `resume` or `abort` a mission; returns its name."""
+    """`suspend` or `resume` a mission; returns its name."""
     unit, entry = yield from find_mission(client, name)
     yield from _asked(client, unit, ControlMission.model_validate({"mission": entry.mission, "how": how}))
     return entry.mission

@@ -19,6 +19,7 @@ from runtime.configuration.instants import SHORTEST_US, clock_time, duration_us
 from runtime.library.jobs import state_of
 from runtime.library.missions import (
     MissionRequest,
+    abort_mission,
     answer_question,
     begin_mission,
     control_mission,
@@ -179,8 +180,17 @@ def _control(call: Call, mission: str | None, how: str, said: str) -> int:
 
 @command(example="dyknow mission abort")
 def abort(call: Call, mission: Name = None) -> int:
-    """End a mission: vehicles that fly for it hold where they are."""
-    return _control(call, mission, "abort", "is ended")
+    """End a mission at each platform, whoever leads it: vehicles that fly for it hold where they are. Exit 1 if one does not answer."""
+    with connected(call) as client:
+        found = client.run(abort_mission(client, mission))
+    at = ", ".join(found.ended) or "no platform"
+    call.out.say(
+        f"mission {found.name} is ended at {at}", event="abort", mission=found.name,
+        units=[unit_json(unit) for unit in found.ended], unsure=dict(found.unsure),
+    )  # fmt: skip
+    for unit, why in found.unsure.items():
+        call.out.note(f"platform {unit}: {why}: its vehicle may fly on; take it with: dyknow delegate hold --to {unit}")
+    return DONE if not found.unsure else NO
 
 
 @command(example="dyknow mission suspend")

@@ -1,0 +1,158 @@
+"""Who commands the vehicle, where that is not the delegate; and who tried to lead here and was refused: shown, and an alarm.
+
+A user who delegated a task to one platform should know when its vehicles obey another one, though that is due: the alarm
+`commander` opens with the first successor that is obeyed and closes when the delegate is obeyed again, or nobody; the delegator
+hears it as progress of its task. `refused-commander` opens with what a platform asks for and may not, and closes after a minute
+without another attempt. Of one platform there is one alarm, however much it sends. Times are the node clock.
+"""
+
+from collections.abc import Callable, Iterable
+from dataclasses import dataclass
+from typing import Final, Literal
+
+from agents.interface import InterfaceAgent
+from agents.part import Part
+from agents.tasks.authority import TaskEvidence
+from dyknow.model.errors import Refused
+from federation.members.clock import FederationClock
+from federation.members.directory import DirectoryFacilitator
+from federation.messages.acts import Act
+from federation.messages.contents import Progress
+from federation.messages.descriptions import ConditionEntry
+from reasoning import AlarmEvent
+
+COMMANDER: Final = "commander"
+REFUSED: Final = "refused-commander"
+ABOUT_COMMANDERS: Final = frozenset({COMMANDER, REFUSED})
+"""Alarms for users alone: the platform that they are about has no such monitor."""
+CODES: Final = frozenset({"role", "succession", "unproven"})
+"""Refusals of who asks, not of what is asked for."""
+QUIET_US: Final = 60_000_000
+MOST: Final = 8
+"""Platforms of which attempts are remembered."""
+SHOWN: Final = 2
+_TEXT: Final = 200
+
+
+@dataclass(slots=True)
+class Attempts:
+    """What one platform asked for and may not: the first of it, how often, since when, and the alarm about it."""
+
+    what: str
+    alarm: str
+    since_us: int
+    last_us: int
+    count: int = 1
+
+    @property
+    def how(self) -> str:
+        """How often, in words that change seldom."""
+        return (
+            "once"
+            if self.count == 1
+            else f"{10 ** (len(str(self.count)) - 1) if self.count >= 10 else 2} times or more"
+        )
+
+
+@dataclass(frozen=True, slots=True)
+class Commanded:
+    """A platform that is not the delegate leads the vehicle in a task."""
+
+    task: str
+    leader: str
+    alarm: str
+
+
+class CommandWatch(Part):
+    """See the module.
+
+    Args:
+        on_alarm: tells all parts of an alarm.
+        offer: called when what is shown changes.
+    """
+
+    def __init__(
+        self,
+        unit: str,
+        agent: InterfaceAgent,
+        clock: FederationClock,
+        directory: DirectoryFacilitator,
+        on_alarm: Callable[[AlarmEvent], None],
+        note: Callable[[str], None],
+        offer: Callable[[int], None],
+    ) -> None:
+        self._unit, self._agent, self._clock, self._directory = unit, agent, clock, directory
+        self._on_alarm, self._note, self._offer = on_alarm, note, offer
+        self._commanded: Commanded | None = None
+        self.refused: dict[str, Attempts] = {}
+
+    def conditions(self) -> Iterable[ConditionEntry]:
+        for unit, each in list(self.refused.items())[-SHOWN:]:
+            text = f"refused to {unit}, {each.how}: {each.what}"
+            yield ConditionEntry(text=text[:_TEXT], since_us=each.since_us)
+
+    # -- who is obeyed -----------------------------------------------------------------------------------------
+
+    def obeys(self, word: TaskEvidence | None, leader: str, now_us: int) -> None:
+        """The vehicle obeys `leader` from now on, by that word of a delegator; None: it has none."""
+        is_delegate = word is None or leader in {word.delegate, word.delegator}
+        had = self._commanded
+        if had is not None and (is_delegate or (had.task, had.leader) != (word and word.task, leader)):
+            self.obeys_nobody(now_us)
+        if is_delegate or word is None or self._commanded is not None:
+            return
+        text = f"the vehicle obeys {leader} in {word.task}, and {word.delegator} delegated it to {word.delegate}"
+        self._note(text)
+        if word.delegator != self._unit and self._directory.is_present(word.delegator):
+            told = Progress(step=f"leads: {text}"[:1000], unit=self._unit)
+            self._agent.tell(word.delegator, told, now_us, conversation=word.task)
+        alarm = f"{COMMANDER}/{self._unit}/{leader}/{now_us}"
+        self._commanded = Commanded(word.task, leader, alarm)
+        self._raise(alarm, "opened", COMMANDER, leader, now_us, task=word.task, delegate=word.delegate)
+
+    def obeys_nobody(self, now_us: int) -> None:
+        """No mission has the vehicle."""
+        had, self._commanded = self._commanded, None
+        if had is not None:
+            self._raise(had.alarm, "closed", COMMANDER, had.leader, now_us)
+
+    # -- who is not --------------------------------------------------------------------------------------------
+
+    def refuse(self, act: Act, refused: Refused, now_us: int) -> None:
+        """Note that what a platform asked for was refused for who it is."""
+        sender = act.sender.unit
+        if refused.code not in CODES or sender == self._unit:
+            return
+        found = self.refused.get(sender)
+        if found is not None:
+            before, found.count, found.last_us = found.how, found.count + 1, now_us
+            if found.how != before:
+                self._offer(now_us)
+            return
+        head = "cancel" if act.content is None else act.content.head
+        what = f"({head} ...): {refused.code}: {refused.reason}"
+        if len(self.refused) >= MOST:
+            self._forget(next(iter(self.refused)), now_us)
+        alarm = f"{REFUSED}/{self._unit}/{sender}/{now_us}"
+        self.refused[sender] = Attempts(what, alarm, now_us, now_us)
+        self._note(f"refused to {sender}: {what}"[:400])
+        self._raise(alarm, "opened", REFUSED, sender, now_us, asked=head, code=refused.code)
+        self._offer(now_us)
+
+    def _forget(self, unit: str, now_us: int) -> None:
+        self._raise(self.refused.pop(unit).alarm, "closed", REFUSED, unit, now_us)
+        self._offer(now_us)
+
+    @property
+    def deadline_us(self) -> int | None:
+        return min((each.last_us + QUIET_US for each in self.refused.values()), default=None)
+
+    def on_time(self, now_us: int) -> None:
+        for unit in [unit for unit, each in self.refused.items() if each.last_us + QUIET_US <= now_us]:
+            self._forget(unit, now_us)
+
+    def _raise(
+        self, alarm: str, event: Literal["opened", "closed"], monitor: str, about: str, now_us: int, **values: str
+    ) -> None:
+        at_us = self._clock.federation_us(now_us)
+        self._on_alarm(AlarmEvent(alarm, event, monitor, (self._unit, about), at_us, at_us, values))
