@@ -1,11 +1,16 @@
 """Subscriptions to events of this platform: an agree now, an inform of each event until it is cancelled or lost."""
 
 from collections.abc import Iterator
+from typing import Final
 
 from agents.interface import InterfaceAgent
 from agents.tasks.life import TaskLife
+from dyknow.model.errors import Refused
 from federation.messages.acts import Act, Performative
 from federation.messages.contents import Content
+
+OF_ONE: Final = 8
+"""Subscriptions to one kind of event that a member may have."""
 
 
 class Subscribers:
@@ -28,9 +33,13 @@ class Subscribers:
         """Agree to a subscription.
 
         Raises:
-            ContentError: it has no conversation. Refused: that is about a task.
+            ContentError: it has no conversation.
+            Refused: that is about a task; `too-many-subscriptions`: the sender has enough.
         """
-        self._acts[act.sender.unit, self._tasks.check_free(act.conversation_id)] = act
+        sender = act.sender.unit
+        if sum(unit == sender for unit, _ in self._acts) >= OF_ONE:
+            raise Refused(f"{sender} has {OF_ONE} subscriptions of this kind: cancel some", "too-many-subscriptions")
+        self._acts[act.sender.unit, self._tasks.check_free(act.conversation_id, act.sender.unit)] = act
         self._agent.answer(act, Performative.AGREE, None, now_us)
 
     def remove(self, act: Act) -> bool:

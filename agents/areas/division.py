@@ -144,7 +144,7 @@ class AreaDivision(Part):
         Raises:
             Refused: it is no area, it flies vehicles and the sender may not, or this platform leads as many as it may.
         """
-        task = self._tasks.check_free(act.conversation_id)
+        task = self._tasks.check_free(act.conversation_id, act.sender.unit)
         if len(self.areas) >= MOST:
             raise Refused(f"this platform divides {MOST} areas already")
         if not task.endswith(f".{self._unit}"):

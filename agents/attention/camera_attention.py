@@ -116,7 +116,7 @@ class CameraAttention(Part):
         Raises:
             Refused: the platform may not command its vehicle.
         """
-        owner = self._tasks.check_free(act.conversation_id)
+        owner = self._tasks.check_free(act.conversation_id, act.sender.unit)
         if not self._pilot.control:
             raise Refused("this platform was not given control of its vehicle (join with --control)", "forbidden")
         self.begin(owner)

@@ -113,7 +113,7 @@ class Following(Part):
         Raises:
             Refused: there is no such object, another is followed, or a rule of the pilot's; nothing has changed then.
         """
-        conversation = self._tasks.check_free(act.conversation_id)
+        conversation = self._tasks.check_free(act.conversation_id, act.sender.unit)
         if self._task is not None:
             raise Refused(
                 f"the vehicle follows {self._task.symbol}: cancel {self._task.conversation} first", "following"

@@ -101,7 +101,7 @@ class Wanting(Part):
             Refused: `too-many`; `unknown-type`: nothing links such objects; `text`: the description, or the symbol, is
                 wrong; `taken`; the requester may not see such objects.
         """
-        conversation, sender = self._tasks.check_free(act.conversation_id), act.sender.unit
+        conversation, sender = self._tasks.check_free(act.conversation_id, act.sender.unit), act.sender.unit
         held = [each.symbol for each in self._searches.values() if each.task.initiator == sender]
         if len(held) >= MOST_OF_ONE:
             text = f"{sender} has {len(held)} objects looked for here already, {', '.join(held)}: cancel one (dyknow tasks)"

@@ -85,7 +85,7 @@ class FederationAgent(Part):
         Raises:
             UnknownLabel, Refused, PolicyError: nothing is set up then.
         """
-        owner = self._tasks.check_free(act.conversation_id)
+        owner = self._tasks.check_free(act.conversation_id, act.sender.unit)
         asker = act.sender.unit
         held = sum(len(task.contracts) for task in self._tasks.of(asker))
         if held + len(content.semantic_labels) > STREAMS_PER_PEER:

@@ -124,7 +124,7 @@ class MissionLeading(Part):
         Raises:
             Refused: the sender may not, or this platform leads enough, or has no origin.
         """
-        self._tasks.check_free(act.conversation_id)
+        self._tasks.check_free(act.conversation_id, act.sender.unit)
 
         def on_read(texts: MissionTexts, at_us: int) -> None:
             self._check(act, content, at_us)
@@ -188,7 +188,7 @@ class MissionLeading(Part):
             Refused: this platform leads enough by now, or the origin of places is not known.
         """
         self._check_free(content.mission)
-        conversation, frame = self._tasks.check_free(act.conversation_id), self._origin()
+        conversation, frame = self._tasks.check_free(act.conversation_id, act.sender.unit), self._origin()
         if frame is None:
             raise Refused("the origin of places is not known", "no-origin")
         timeout_us = min(round(content.timeout_s * 1e6), LONGEST_SEARCH_US)

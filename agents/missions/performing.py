@@ -148,7 +148,7 @@ class Performing(Part):
         Raises:
             Refused: the sender may not command the vehicle, another mission has it, or its pilot does.
         """
-        sender, conversation = act.sender.unit, self._tasks.check_free(act.conversation_id)
+        sender, conversation = act.sender.unit, self._tasks.check_free(act.conversation_id, act.sender.unit)
         self.permits.show(act, content.mission, now_us)
         self.permits.check(content.mission, sender, act.boot, now_us)
         self.permits.check_chain(content.chain, sender)

@@ -58,7 +58,7 @@ class MissionRelay(Part):
         Raises:
             Refused: the sender may not, or texts of too many missions are read.
         """
-        sender, conversation = act.sender.unit, self._tasks.check_free(act.conversation_id)
+        sender, conversation = act.sender.unit, self._tasks.check_free(act.conversation_id, act.sender.unit)
         self._permits.check(content.mission, sender, act.boot, now_us)
         self._permits.check_chain(content.chain, sender)
         name = sender, conversation

@@ -176,7 +176,7 @@ class Checks(Part):
             go_on(reading, now_us)
 
     def _begin(self, act: Act, formula: Formula, do: When | None, now_us: int) -> str:
-        conversation = self._tasks.check_free(act.conversation_id)
+        conversation = self._tasks.check_free(act.conversation_id, act.sender.unit)
         if conversation in self._open:
             raise Refused(f"conversation {conversation} is about another formula")
         made = self._states_of(formula, act.sender.unit, partial(self._on_state, conversation))

@@ -81,7 +81,7 @@ class Coordination(Part):
         Raises:
             Refused: an unknown profile, or one that cannot be monitored; nothing is set up then.
         """
-        conversation = self._life.check_free(act.conversation_id)
+        conversation = self._life.check_free(act.conversation_id, act.sender.unit)
         if conversation in self._life.coordinated:
             leader = self._life.coordinated[conversation].leader
             raise Refused(f"conversation {conversation} is about a task that {leader} leads")
@@ -232,7 +232,7 @@ class Coordination(Part):
         if content.profile is not None or content.parameters is not None:
             raise Refused("a monitor is created by its name alone, without profile or parameters")
         plan = self._plans.named(content.name, _us(content.sample_period_s), _us(content.delay_s))
-        conversation = self._life.check_free(act.conversation_id)
+        conversation = self._life.check_free(act.conversation_id, act.sender.unit)
         asker, task = act.sender.unit, content.task
         owner = conversation if task is None else task
         told = None if task is None else self._told(act, content, task, now_us)

@@ -65,7 +65,7 @@ class Recognitions(Part):
             TextError: the text is wrong, and where.
             Refused: it cannot be recognised, or too many chronicles are watched for.
         """
-        conversation = self._tasks.check_free(act.conversation_id)
+        conversation = self._tasks.check_free(act.conversation_id, act.sender.unit)
         if conversation in self._open:
             raise Refused(f"conversation {conversation} is about other chronicles")
         if len(self._open) >= MOST:

@@ -55,6 +55,10 @@ SUCCESSORS = 8
 ENDED_LISTED_US = 600_000_000
 """How long a task that its delegator did not end is listed as ended."""
 LISTED = 16
+OF_ONE, OF_A_CENTRE = 16, 64
+"""Tasks that a member, or a command centre, may have delegated to one platform at once."""
+PARTS_OF_ONE = 512
+"""Exports and monitors that one platform may have asked for, as parts of tasks."""
 
 
 class TaskLife(Part):
@@ -91,17 +95,22 @@ class TaskLife(Part):
 
     # -- requested, running ------------------------------------------------------------------------------------
 
-    def check_free(self, conversation: str | None) -> str:
+    def check_free(self, conversation: str | None, asker: str = "") -> str:
         """A lasting task needs a conversation of its own, in which it can be cancelled; returns it.
 
         Raises:
             ContentError: there is none.
-            Refused: it is that of another task.
+            Refused: it is that of another task; `too-many-tasks`: as many of `asker` run here as may.
         """
         if not conversation:
             raise ContentError("what lasts needs a :conversation-id, in which it can be cancelled")
         if conversation in self._tasks:
             raise Refused(f"conversation {conversation} is about another task; open one of your own")
+        parts, asked = (sum(each.is_part is kind for each in self.of(asker)) for kind in (True, False))
+        most = OF_A_CENTRE if self._role_of(asker) is Role.COMMAND_CENTRE else OF_ONE
+        if asked >= most or parts >= PARTS_OF_ONE:
+            text = f"{asked} tasks of {asker} run here, and {parts} parts of others: cancel some (dyknow tasks)"
+            raise Refused(text, "too-many-tasks")
         return conversation
 
     def add(self, task: Task) -> None:

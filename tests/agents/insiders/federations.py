@@ -58,6 +58,8 @@ OVER: Final = ((-20.0, 10.0), (30.0, 20.0))
 NEAR_M: Final = 400.0
 """Vehicles that are nearer may give way to each other."""
 ASKED_EVERY: Final = 60
+ASKED_MOST: Final = 12
+"""What the command centre wants at once: an older wish is cancelled."""
 GONE_EVERY: Final = 600
 """Acts."""
 _FIELD: Final = ("55.7240 13.4570", "55.7240 13.4620", "55.7260 13.4620", "55.7260 13.4570")
@@ -146,6 +148,7 @@ class HostileFederation:
         self.orders: list[OrderGiven] = []
         self.acts = self._heard_before = 0
         self.log: list[str] = []
+        self._asked: list[tuple[str, str]] = []
         self.vehicles: dict[str, Watched] = {}
         situation = scenario("hover" if name == "hover" else name, 3 if name == "hover" else 2, seed)
         for unit in situation.units[:2]:
@@ -246,6 +249,9 @@ class HostileFederation:
         content, performative = self.random.choice(ASKED)
         question = self.world.ask("cc", self.random.choice(HONEST), content, performative)
         self.drawing.conversations.append(question.conversation or "t")
+        self._asked.append((question.unit, question.conversation))
+        if len(self._asked) > ASKED_MOST:
+            self.world.cancel("cc", *self._asked.pop(0))
 
     def _one(self) -> None:
         by, to = self.random.choice(self._speakers), self.random.choice(HONEST)
