@@ -92,6 +92,7 @@ class TaskLife(Part):
         self._ended_by_others: dict[str, EndedTask] = {}
         self._due: Deadlines[str] = Deadlines()
         self._until_us: dict[str, int] = {}
+        authority.on_over.append(self._on_over)
 
     # -- requested, running ------------------------------------------------------------------------------------
 
@@ -263,6 +264,18 @@ class TaskLife(Part):
         for part in self.all():
             if part.is_part and not self._is_present(part.initiator):
                 self.cancel(part.conversation, now_us)
+
+    def _on_over(self, name: str, now_us: int) -> None:
+        """A command centre has ended monitors at each platform, whoever coordinates them."""
+        led = self.coordinated.get(name)
+        if led is None:
+            return
+        conversations = [led.task] if led.leader == self._unit else [act.conversation_id for act in led.own.values()]
+        if led.leader != self._unit:
+            del self.coordinated[name]
+        for task in [self.get(each) for each in conversations if each is not None]:
+            if task is not None:
+                self.end(task, "a command centre", now_us)
 
     def endable(self, act: Act, what: str, fits: Callable[[Task], bool]) -> list[Task]:
         """The tasks that fit and that the sender may end: its own; else, if it may command, what users asked for.

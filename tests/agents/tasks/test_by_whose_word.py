@@ -1,12 +1,14 @@
 """No vehicle obeys a platform whose predecessor is here, nor one without the delegator's act, whatever a member with a valid key sends.
 
 One member of four lies, with a vehicle or without; what it sends, which platforms end, start and lose sight of each other is drawn
-from a seed, as what the command centre delegates meanwhile, to the liar, too. After each step everything that a platform obeys
-is compared with what the command centre has asked for, and with which platforms that one sees.
+from a seed, as what the command centre delegates, ends and commands meanwhile, to the liar, too. After each step everything that a
+platform obeys is compared with what the command centre has asked for, and with which platforms that one sees; what was refused to the
+liar is an alarm, and a vehicle that the command centre has taken from a mission has it wait.
 """
 
 import os
 from collections.abc import Iterator
+from contextlib import suppress
 from hashlib import sha256
 from random import Random
 
@@ -15,6 +17,7 @@ import pytest
 from agents.areas.assignment import AreaAssignment
 from agents.missions.performing import Performing
 from agents.platform import Platform
+from agents.tasks.command_watch import CommandWatch
 from federation.members.member import Member
 from federation.messages import contents
 from federation.messages.acts import Act, AgentName, Performative
@@ -55,6 +58,8 @@ class Sky:
         self.asked: dict[str, tuple[tuple[str, ...], contents.Content, int]] = {}
         self.evidence: dict[str, bytes] = {}
         self.over: set[str] = set()
+        self.aborted: dict[tuple[str, str], int] = {}
+        self.held: dict[str, tuple[int, str]] = {}
         self.obeyed: dict[tuple[str, str], tuple[object, ...]] = {}
         self.accepted = 0
         for unit in UNITS:
@@ -78,8 +83,10 @@ class Sky:
         how = self.random.random()
         if how < 0.6:
             self.lie()
-        elif how < 0.78:
+        elif how < 0.74:
             self.delegate()
+        elif how < 0.78:
+            self.command()
         elif how < 0.9:
             self.disturb()
         self.wire.run(self.random.choice((0.1, 0.4, 1.5)))
@@ -105,12 +112,37 @@ class Sky:
             content = contents.PermitMission(mission=task, leaders=leaders, vehicles=tuple(self.flying))
             said = [self.wire.question("cc", unit, content) for unit in self.flying if unit in self.wire.platforms]
             self.asked[task] = leaders, content, now_us
-            if said:
-                self.wire.run(0.01)
-                self.evidence[task] = self.wire.evidence(said[0].conversation)
-                return
+            self.remember(task, *(each.conversation for each in said[:1]))
+            return
+        self.remember(task, task)
+
+    def remember(self, task: str, *conversations: str) -> None:
+        """The act that crossed, if one did."""
         self.wire.run(0.01)
-        self.evidence[task] = self.wire.evidence(task)
+        for conversation in conversations:
+            with suppress(LookupError):
+                self.evidence[task] = self.wire.evidence(conversation)
+
+    def command(self) -> None:
+        """The command centre ends a task at one platform, or takes its vehicle in person."""
+        unit = self.random.choice(self.honest() or ["0"])
+        if unit not in self.wire.platforms:
+            return
+        seen = self.wire.member("cc").directory.is_present(unit)
+        if self.asked and self.random.random() < 0.5:
+            task = self.random.choice(list(self.asked))
+            ended = self.wire.asked("cc", unit, contents.TaskOver(task=task))
+            if ended.performatives[-1:] == [P.INFORM]:
+                self.aborted[unit, task] = self.boot(unit)
+            return
+        asked = self.wire.asked("cc", unit, contents.Hold())
+        assert not seen or asked.performatives[:1] != [P.REFUSE] or "mission" not in asked.reason, asked.reason
+        mission = self.wire.platform(unit).part(Performing).mission
+        if asked.performatives[:1] == [P.AGREE] and mission:
+            self.held[unit] = self.boot(unit), mission
+
+    def boot(self, unit: str) -> int:
+        return self.wire.platform(unit).config.boot
 
     def cancel(self) -> None:
         task = self.random.choice(list(self.asked))
@@ -184,6 +216,10 @@ class Sky:
         yield P.REQUEST, contents.Leave()
         yield P.REQUEST, contents.ControlMission(mission=task, how="abort")
         yield P.REQUEST_WHEN, contents.When(do=contents.Hold().expr(), condition="true")
+        yield P.REQUEST, contents.Follow(object="car1")
+        yield P.REQUEST, contents.Attend()
+        yield P.REQUEST, contents.WantObject(symbol="a", type="car", description="colour[a] = 1", recover="yes")
+        yield P.REQUEST, contents.TaskOver(task=task)
         yield P.CFP, contents.CallForStream(call="c1", semantic_label="heli-position", sample_period_s=0.1, delay_s=1.0)
 
     # -- what must hold ----------------------------------------------------------------------------------------
@@ -207,17 +243,32 @@ class Sky:
     def check(self, seen: dict[str, set[str]]) -> None:
         for unit in self.honest():
             platform = self.wire.platform(unit)
+            self.check_told(platform)
             for task, leader, what in obeyed(platform):
+                assert self.aborted.get((unit, task)) != self.boot(unit), (
+                    f"{unit} obeys {leader} in {task}, which is over"
+                )
                 assert task in self.asked, f"{unit} obeys {leader} in {task}, which nobody has delegated"
                 both = self.seen(unit) & seen.get(unit, set())
                 is_new = self.obeyed.get((unit, task)) != (leader, what)
                 if is_new:
                     assert not self.before(task, leader) & both, f"{unit} obeys {leader} in {task}: {what}"
                 self.obeyed[unit, task] = leader, what
+            boot, mission = self.held.get(unit, (0, ""))
+            if mission and boot == self.boot(unit) and platform.part(Performing).mission == mission:
+                assert platform.part(Performing).waits, f"the command centre has the vehicle of {unit}, not {mission}"
             for _, command in self.wire.vehicle(unit).commands:
                 performing = platform.part(Performing)
                 assert performing.mission in self.asked or not commands_of(command), f"{unit}: {command}"
             self.wire.vehicle(unit).commands.clear()
+
+    def check_told(self, platform: Platform) -> None:
+        """What was refused to the liar for who it is, users are told of."""
+        entries = platform.ports.agent.audit_log.entries
+        new = [each for each in entries if each.direction == "in" and each.at_us >= self.wire.now_us - 100_000]
+        codes = [each.outcome for each in new if each.act is not None and each.act.sender.unit == self.liar]
+        if any(each.startswith(("role:", "succession:", "unproven:")) for each in codes):
+            assert self.liar in platform.part(CommandWatch).refused
 
 
 def commands_of(command: object) -> bool:
