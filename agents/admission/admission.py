@@ -58,7 +58,7 @@ class Admission(Part):
         role_of: what a unit may ask for.
         refuse: counts what is dropped before it is an act.
         contain: what becomes of an act whose part raises.
-        watch: is told of acts that are refused for who sends them.
+        watch: takes acts that are refused for their sender.
 
     Raises:
         UnitError: a part has no method that an action of it names.

@@ -5,7 +5,7 @@ successors. A receiver verifies it once: it is of the delegator, whose role allo
 to be done. The order of succession is one for monitors, divisions, scans and missions: the delegate, then the others by unit, or as
 a permit names them; a platform whose present life began after the delegation ranks after all that were there. One is obeyed when
 all before it are gone here, and have been for half a second. What is over is not begun again, unless its delegator permits it
-anew; a command centre ends any task at each platform, whoever leads it. Times are the node clock.
+once more; a command centre ends any task at each platform, whatever platform leads it. Times are the node clock.
 """
 
 from collections.abc import Callable, Iterable

@@ -1,8 +1,7 @@
-"""Who commands the vehicle, where that is not the delegate; and who tried to lead here and was refused: shown, and an alarm.
+"""The commander of the vehicle, where that is not the delegate, and platforms that were refused: shown, and an alarm.
 
-A user who delegated a task to one platform should know when its vehicles obey another one, though that is due: the alarm
-`commander` opens with the first successor that is obeyed and closes when the delegate is obeyed again, or nobody; the delegator
-hears it as progress of its task. `refused-commander` opens with what a platform asks for and may not, and closes after a minute
+After a task was delegated to one platform its vehicles may obey another one, as is due: the alarm `commander` opens with the
+first successor that is obeyed, and closes when the delegate is obeyed again, or no platform is; the delegator hears it as progress of its task. `refused-commander` opens with what a platform asks for and may not, and closes after a minute
 without another attempt. Of one platform there is one alarm, however much it sends. Times are the node clock.
 """
 
@@ -26,10 +25,10 @@ REFUSED: Final = "refused-commander"
 ABOUT_COMMANDERS: Final = frozenset({COMMANDER, REFUSED})
 """Alarms for users alone: the platform that they are about has no such monitor."""
 CODES: Final = frozenset({"role", "succession", "unproven"})
-"""Refusals of who asks, not of what is asked for."""
+"""Refusals for the sender, not for the content."""
 QUIET_US: Final = 60_000_000
 MOST: Final = 8
-"""Platforms of which attempts are remembered."""
+"""Platforms whose attempts are remembered."""
 SHOWN: Final = 2
 _TEXT: Final = 200
 
@@ -119,7 +118,7 @@ class CommandWatch(Part):
     # -- who is not --------------------------------------------------------------------------------------------
 
     def refuse(self, act: Act, refused: Refused, now_us: int) -> None:
-        """Note that what a platform asked for was refused for who it is."""
+        """Note that what a platform asked for was refused for its sender."""
         sender = act.sender.unit
         if refused.code not in CODES or sender == self._unit:
             return

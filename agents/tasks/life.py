@@ -101,7 +101,7 @@ class TaskLife(Part):
 
         Raises:
             ContentError: there is none.
-            Refused: it is that of another task; `too-many-tasks`: as many of `asker` run here as may.
+            Refused: it is that of another task; `too-many-tasks`: `asker` has as many here as it may.
         """
         if not conversation:
             raise ContentError("what lasts needs a :conversation-id, in which it can be cancelled")
@@ -266,7 +266,7 @@ class TaskLife(Part):
                 self.cancel(part.conversation, now_us)
 
     def _on_over(self, name: str, now_us: int) -> None:
-        """A command centre has ended monitors at each platform, whoever coordinates them."""
+        """A command centre has ended monitors at each platform, whatever platform coordinates them."""
         led = self.coordinated.get(name)
         if led is None:
             return

@@ -105,9 +105,9 @@ class ConstantVelocity:
 
 
 def _slope(history: Sequence[ObjectState]) -> tuple[float, float]:
-    """Velocity of the least-squares line through the positions; of a single state its own."""
+    """Velocity of the least-squares line through the positions; of states of one instant, as two sensors give, that of the last."""
     last = history[-1]
-    if len(history) < 2:
+    if history[0].valid_us == last.valid_us:
         return last.vx_m_s, last.vy_m_s
     seconds = np.array([(each.valid_us - last.valid_us) / US_PER_S for each in history])
     places = np.array([each[1:3] for each in history])

@@ -111,6 +111,8 @@ class LinkProcess:
                 unlinked.append((one, waiting))
         if unlinked:
             self._decide(valid_us, unlinked)
+        if self.candidates:
+            self._drop_taken()
 
     def estimate(self, one: LinkObject) -> ObjectState:
         """The state of the object of B that an object of A is, or would be if it became one now."""
@@ -150,21 +152,28 @@ class LinkProcess:
 
     def _weigh(self, valid_us: int, sources: Iterable[LinkObject]) -> Collection[str]:
         """Weigh the candidates of all links that are not certain, and assign them again; the objects of A that go over."""
-        held = {each.chosen for each in self.candidates.values()}
+        self._drop_taken()
         shown = {one.symbol: one for one in sources if one.prediction is None and one.symbol in self.candidates}
         for symbol, one in shown.items():
-            candidates = self.candidates[symbol]
-            for other in candidates.others():
-                if other not in self.available and other not in held:
-                    candidates.drop(other)
-            candidates.on_state(valid_us, one.state, self.specification.noise)
+            self.candidates[symbol].on_state(valid_us, one.state, self.specification.noise)
         moving = reassigned(self.candidates, shown)
         self._go_over(valid_us, moving)
-        for symbol, one in shown.items():
-            one.outgoing[self.name].weight = self.candidates[symbol].weight
-            if self.candidates[symbol].is_decided:
-                del self.candidates[symbol]
+        self._drop_taken()
         return moving
+
+    def _drop_taken(self) -> None:
+        """An object that is gone, or that another percept certainly shows, is no candidate; one that is left is certain."""
+        is_new = True
+        while is_new:
+            held, is_new = {each.chosen for each in self.candidates.values()}, False
+            for symbol, candidates in list(self.candidates.items()):
+                for other in candidates.others():
+                    if other not in self.available and other not in held:
+                        candidates.drop(other)
+                candidates.of(candidates.chosen).target.incoming[self.name].weight = candidates.weight
+                if candidates.is_decided:
+                    del self.candidates[symbol]
+                    is_new = True
 
     def _go_over(self, valid_us: int, moving: Mapping[str, str]) -> None:
         """Link percepts to others of their candidates; the objects before are as if they had never been it."""
@@ -240,7 +249,7 @@ class LinkProcess:
                     held[one.symbol, target] = evaluation
                     known.setdefault(one.symbol, {})[target] = whereabouts
                     sources[one.symbol] = one
-        chosen = assigned_with(scores, open_links.values())
+        chosen = assigned_with(scores, open_links.values(), self.available)
         before = self._before(open_links, {target for _, target in scores})
         moving = {name: target for name, target in chosen.items() if name not in sources}
         self._go_over(valid_us, {name: to for name, to in moving.items() if to != self.candidates[name].chosen})
@@ -308,7 +317,8 @@ class LinkProcess:
         )
 
     def _expected(self, valid_us: int, open_links: Mapping[str, OpenLink]) -> Iterator[tuple[str, ObjectPrediction]]:
-        for symbol in sorted((*self.available, *open_links), key=natural):
+        available = (symbol for symbol, (_, since_us) in self.available.items() if since_us <= valid_us)
+        for symbol in sorted((*available, *open_links), key=natural):
             one = open_links[symbol].expected if symbol in open_links else self.available[symbol][0]
             yield symbol, self._around.expected(one, valid_us)
 

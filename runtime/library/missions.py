@@ -204,7 +204,7 @@ class AbortedMission(NamedTuple):
 
 
 def abort_mission(client: Client, name: str | None) -> Job[AbortedMission]:
-    """End a mission at each platform, whoever leads it, and whether that one answers: vehicles that fly for it hold.
+    """End a mission at each platform, though its leader may not answer: vehicles that fly for it hold.
 
     Raises:
         NothingFound: no platform lists a mission of that name, and no vehicle shows that it flies for it.

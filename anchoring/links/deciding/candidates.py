@@ -145,7 +145,8 @@ class LinkCandidates:
             del self._candidates[symbol]
         total = self._total
         for each in self._candidates.values():
-            each.weight = each.weight / total if total > 0.0 else 1.0 / len(self._candidates)
+            share = each.weight / total if total > 0.0 else 1.0 / len(self._candidates)
+            each.weight = max(share, _NO_WEIGHT)  # what is linked may become likely again
 
     @property
     def _total(self) -> float:
@@ -163,14 +164,28 @@ def _unlikely(state: ObjectState, expected: ObjectState) -> float:
     return float(apart @ np.linalg.solve(both, apart) + np.linalg.slogdet(both)[1])
 
 
-def assigned_with(scores: Mapping[tuple[str, str], float], open_links: Iterable[OpenLink]) -> dict[str, str]:
+def assigned_with(
+    scores: Mapping[tuple[str, str], float], open_links: Iterable[OpenLink], available: Collection[str]
+) -> dict[str, str]:
     """Which percept gets which object; those with links that are not certain take part where another claims their object.
 
-    If one of these were left without an object, all keep theirs.
+    That is a percept whose link is contested, too: it may take what is available, or held by such a link. If one
+    of these were left without an object, all keep theirs.
     """
-    claimed = {target for _, target in scores}
-    contested = {each.link.source.symbol: each for each in open_links if each.link.target.symbol in claimed}
-    costs = {(name, target): cost for name, each in contested.items() for target, cost in each.costs.items()}
+    held = {each.link.target.symbol: each for each in open_links}
+    contested: dict[str, OpenLink] = {}
+    claimed = [target for _, target in scores]
+    while claimed:
+        each = held.get(claimed.pop())
+        if each is not None and each.link.source.symbol not in contested:
+            contested[each.link.source.symbol] = each
+            claimed += each.costs
+    costs = {
+        (name, target): cost
+        for name, each in contested.items()
+        for target, cost in each.costs.items()
+        if target in held or target in available
+    }
     chosen = dict(assigned({**scores, **costs}))
     if contested.keys() <= chosen.keys():
         return chosen

@@ -180,7 +180,7 @@ def _control(call: Call, mission: str | None, how: str, said: str) -> int:
 
 @command(example="dyknow mission abort")
 def abort(call: Call, mission: Name = None) -> int:
-    """End a mission at each platform, whoever leads it: vehicles that fly for it hold where they are. Exit 1 if one does not answer."""
+    """End a mission at each platform, whatever platform leads it: vehicles that fly for it hold where they are. Exit 1 if one does not answer."""
     with connected(call) as client:
         found = client.run(abort_mission(client, mission))
     at = ", ".join(found.ended) or "no platform"
