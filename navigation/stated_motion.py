@@ -17,7 +17,7 @@ SPEED_M_S, LEAP_M = 150.0, 50.0
 """A place that changes faster, beyond a correction, is not flown."""
 CLIMB_M_S, CLIMB_M = 50.0, 20.0
 SPREADS, SPREAD_MOST_M = 5.0, 20.0
-"""So many standard deviations may a place be corrected by; nobody excuses more by stating a large one."""
+"""By five standard deviations a place may be corrected; a large one that is stated excuses no more."""
 GAP_US: Final = 2_000_000
 """After a longer silence a filter may have found its vehicle elsewhere, where glitches of a receiver had it."""
 GAP_LEAPS, GAPS_WITHIN_US = 3, 60_000_000

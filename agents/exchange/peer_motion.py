@@ -1,6 +1,6 @@
 """What other platforms state of their motion, looked at as it is imported: what no vehicle flies, and what two state alike.
 
-It is said, and nothing else follows: what is stated is traffic, whether it can be flown or not, and others give way to it.
+It is shown, and nothing else follows: what is stated is traffic, whether it can be flown or not, and others give way to it.
 Times are federation time, those of what is shown the node clock.
 """
 
@@ -27,7 +27,7 @@ MOST: Final = 512
 SHOWN: Final = 8
 DIGITS: Final = 8
 ALIKE, ALIKE_M, RECENT_US = 5, 5.0, 3_000_000
-"""So many equal positions at equal times, over a way, are no chance: two that stand next to each other may round alike."""
+"""Five equal positions at equal times, over a way, are no chance: two that stand next to each other may round alike."""
 
 
 @dataclass(slots=True)
