@@ -41,6 +41,7 @@ from agents.exchange.gateway import Gateway
 from agents.exchange.import_proxy import ImportProxy
 from agents.exchange.label_agreements import LabelAgreements
 from agents.exchange.local_instance import LocalInstance
+from agents.exchange.peer_motion import PeerMotion
 from agents.exchange.silent_imports import SilentImports
 from agents.exchange.stream_queries import StreamQueries
 from agents.exchange.subscription_keeper import SubscriptionKeeper
@@ -92,7 +93,7 @@ from reasoning import AlarmEvent, Profile
 T = TypeVar("T", bound=Part)
 
 PARTS: tuple[type[Part], ...] = (
-    Authority, CommandWatch, Cameras, WinchStream, CameraAttention, FlightAgent, Performing, MissionLeading, MissionProposals, MissionRelay, MissionSuccession, Following, RecoveringAnchors, Faults, Shedding, LocalInstance, FederationAgent, ImportProxy, LabelAgreements, SubscriptionKeeper, SilentImports, Bids, Calls, AreaAssignment, AreaDivision, Scanning,
+    Authority, CommandWatch, Cameras, WinchStream, CameraAttention, FlightAgent, Performing, MissionLeading, MissionProposals, MissionRelay, MissionSuccession, Following, RecoveringAnchors, Faults, Shedding, LocalInstance, FederationAgent, PeerMotion, ImportProxy, LabelAgreements, SubscriptionKeeper, SilentImports, Bids, Calls, AreaAssignment, AreaDivision, Scanning,
     Admission, PlatformTrust, UnitMonitoring,
     AlarmLog, Coordination, TaskLife, GivingWay, MonitorQueries, Checks, Recognitions, StreamQueries, SpecificationPart,
     SpecificationChanges, ObjectQueries, Learning, Wanting, Cooperation, Handover, Saliency, MessageLog, DirectoryAgent,
@@ -256,7 +257,7 @@ class Ports:
     @property
     def fed(self) -> tuple[Part, ...]:
         """The parts that imported samples may make due earlier."""
-        return self.part(LocalInstance), self.part(UnitMonitoring)
+        return self.part(LocalInstance), self.part(UnitMonitoring), self.part(PeerMotion)
 
     @property
     def imports(self) -> Imports:

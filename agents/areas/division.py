@@ -68,13 +68,27 @@ class PlatformAbility:
 
     @property
     def place(self) -> tuple[float, float] | None:
-        """Where it is, latitude and longitude in degrees."""
+        """Where it is, latitude and longitude in degrees; None where it states no place on earth."""
         found = self.values.get("heli-position")
-        return None if found is None else (float(found["latitude_deg"]), float(found["longitude_deg"]))
+        if found is None or abs(found["latitude_deg"]) > 90 or abs(found["longitude_deg"]) > 360:
+            return None
+        return float(found["latitude_deg"]), float(found["longitude_deg"])
 
     def assumed(self) -> str:
         """What it did not say."""
         return " and ".join(label for label in ("top-speed", "battery") if label not in self.values)
+
+    def unbelieved(self) -> list[str]:
+        """What it states and no vehicle has, with what is counted instead."""
+        found = []
+        speed, battery = self._number("top-speed", SPEED_M_S), self._number("battery", BATTERY)
+        if not 0.0 <= speed <= SPEED_MOST_M_S:
+            found.append(f"a top speed of {speed:g} m/s, counted as {min(max(speed, 0.0), SPEED_MOST_M_S):g}")
+        if not 0.0 <= battery <= 1.0:
+            found.append(f"a battery of {battery:.0%}, counted as {min(max(battery, 0.0), 1.0):.0%}")
+        if "heli-position" in self.values and self.place is None:
+            found.append("a position that is no place on earth")
+        return found
 
     def _number(self, label: str, otherwise: float) -> float:
         value = self.values.get(label, {}).get(ASKED[label][0], otherwise)
@@ -272,7 +286,9 @@ class AreaDivision(Part):
             f"{each.unit} does not say its {each.assumed()}" for each in divided.asked.values() if each.assumed()
         ]
         none = [f"{unit} gets none: its battery is low" for unit in divided.asked if unit not in divided.pieces]
-        text = "; ".join([f"{whole:.0f} m2 divided: {', '.join(parts) or 'no platform can watch it'}", *none, *assumed])
+        wrong = [f"{each.unit} states {what}" for each in divided.asked.values() for what in each.unbelieved()]
+        divisions = f"{whole:.0f} m2 divided: {', '.join(parts) or 'no platform can watch it'}"
+        text = "; ".join([divisions, *wrong, *none, *assumed])
         self._note(f"area: {text}")
         if self._directory.is_present(divided.delegator):
             self._agent.tell(divided.delegator, Progress(step=text[:1000]), now_us, conversation=divided.task)

@@ -18,6 +18,7 @@ from dyknow import Label, Network, Policy, Sample
 from dyknow.network.generator import Subscription
 from dyknow.network.process import Input
 from federation.calls.call import StreamCall
+from federation.calls.kept_record import KeptRecord, Unkept
 from federation.calls.proposals import CallNews, WantedStream
 from federation.members.clock import FederationClock
 from federation.members.directory import DirectoryFacilitator
@@ -27,6 +28,7 @@ from federation.sharing.translation import Translation
 PERIOD_US: Final = 100_000
 MAX_DELAY_US: Final = 1_000_000
 KEPT: Final = 600
+SHOWN: Final = 4
 
 
 class CalledStream:
@@ -90,6 +92,7 @@ class Calls(Part):
         self._trust = platform_trust
         self._offer, self._note, self._emit = offer, note, emit
         self._streams: list[CalledStream] = []
+        self._record, self._unkept = KeptRecord(), tuple[Unkept, ...]()
 
     def stream(self, semantic: str, label: Label, policy: Policy) -> Callable[[], None]:
         """Call for a label while its stream has subscribers; returns how to take it back."""
@@ -119,7 +122,7 @@ class Calls(Part):
     def _begin(self, called: CalledStream) -> StreamCall:
         call = StreamCall(
             called.wanted, self._unit, self._agent.acts, self._directory, partial(self._on_news, called),
-            self._clock.speed, self._trust.found, self._trust.declared,
+            self._clock.speed, self._trust.found, self._trust.declared, self._record,
         )  # fmt: skip
         call.begin(self._now_us())
         return call
@@ -141,19 +144,34 @@ class Calls(Part):
             self._note(f"call for {label}: {news.event}{f' {unit}' if unit else ''}: {news.text}")
 
     def conditions(self) -> Iterable[ConditionEntry]:
-        """Calls without a producer."""
-        return tuple(
+        """Platforms that do not keep what they propose, and calls without a producer."""
+        unkept = [ConditionEntry(text=each.text, since_us=each.since_us) for each in self._unkept]
+        waiting = [
             ConditionEntry(text=f"call for {each.wanted}: no platform produces it", since_us=each.since_us)
             for each in self._streams
             if each.since_us is not None
-        )[:4]
+        ]
+        return (*unkept[:SHOWN], *waiting[:SHOWN])
 
     @property
     def deadline_us(self) -> int | None:
         due = [each.call.deadline_us for each in self._streams if each.call is not None]
+        due += [each.until_us for each in self._unkept]
         return min((us for us in due if us is not None), default=None)
 
     def on_time(self, now_us: int) -> None:
         for each in self._streams:
             if each.call is not None:
                 each.call.on_time(now_us)
+        self._look(now_us)
+
+    def _look(self, now_us: int) -> None:
+        """Say which platforms do not keep what they propose."""
+        unkept = tuple(self._record.shown(now_us))
+        texts, before = ([each.text for each in these] for these in (unkept, self._unkept))
+        self._unkept = unkept
+        if texts != before:
+            for text in texts:
+                if text not in before:
+                    self._note(f"calls: {text}")
+            self._offer(now_us)

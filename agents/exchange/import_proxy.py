@@ -7,6 +7,7 @@ from functools import partial
 from typing import TypeAlias
 
 from agents.admission.trusted import PlatformTrust
+from agents.exchange.peer_motion import JUDGED, PeerMotion
 from agents.part import Part, PeerChange
 from dyknow import Generator, Label, Network, Policy, PolicyAdapter, Quality, Sample, Sort, Value
 from dyknow.model.errors import SortError
@@ -26,6 +27,8 @@ MOST_SHOWN = 4
 _SKEWED, _CORRECTED = Standing.SKEWED, Standing.CORRECTED
 Sink: TypeAlias = Callable[[int, Value, int, Quality], None]
 """Takes valid time, value and available time of a sample into the local instance."""
+Judge: TypeAlias = Callable[[int, Value, Quality, int], None]
+"""Looks at valid time, value, quality and available time of a sample, in semantic units."""
 
 AHEAD_US = 60_000_000
 """How far in the future a sample may be valid: a prediction is legal, a sample that ends its stream is not."""
@@ -74,11 +77,13 @@ class ImportProxy(Part):
         source: Callable[[str, str], tuple[Label, Convert]],
         disagreement: Callable[[str, str], str],
         platform_trust: PlatformTrust,
+        motion: PeerMotion,
         note: Callable[[str], None],
     ) -> None:
         self._network, self._ontology, self._translation = network, ontology, translation
         self._clock, self._offset_of, self._emit, self._declare = clock, offset_of, emit, source
         self.imports, self._disagreement, self._trust = imports, disagreement, platform_trust
+        self._motion = motion
         self._sinks: dict[tuple[str, str], Sink] = {}
         self._note = note
         self._crowded: dict[str, int] = {}
@@ -228,7 +233,8 @@ class ImportProxy(Part):
         local, _ = self._declare(semantic_label, sender)
         sort, to_local = self._ontology[semantic_label].sort, self._translation.to_local(semantic_label)
         trust = self._trust.declared(sender)
-        add = partial(self._add, sort, in_range(sort), to_local, self._network.generator(local), trust)
+        judge = partial(self._motion.take, sender, semantic_label) if semantic_label in JUDGED else None
+        add = partial(self._add, sort, in_range(sort), judge, to_local, self._network.generator(local), trust)
         self._sinks[sender, semantic_label] = add
         return add
 
@@ -236,6 +242,7 @@ class ImportProxy(Part):
         self,
         sort: Sort,
         is_in_range: InRange,
+        judge: Judge | None,
         to_local: LabelConversion,
         generator: Generator,
         trust: float,
@@ -252,6 +259,8 @@ class ImportProxy(Part):
         if not is_in_range(value):
             self.refused["range"] += 1
             return
+        if judge is not None:
+            judge(valid_us, value, quality, now_us)
         if not to_local.is_same:
             value, quality = to_local(value), to_local.quality(quality)
         if trust < 1.0:

@@ -68,7 +68,7 @@ def read_mission(
     unknown = [name for name in platforms if name not in units]
     if unknown:
         raise Refused(f"{unknown[0]} is no unit of the problem; units are {', '.join(units)}", "unknown-unit")
-    steps = [_step(text, whole) for text in actions]
+    steps = [step_of(text, whole) for text in actions]
     if steps:
         # In one piece: what is given of the plan speaks of objects, which a domain alone does not have.
         return MissionTexts(_stepped(whole, steps, is_whole=is_whole), Declarations(), _all(units, platforms))
@@ -80,7 +80,7 @@ def _all(units: Iterable[str], platforms: Mapping[str, str]) -> dict[str, str]:
     return {unit: platforms.get(unit) or unit.lstrip("abcdefghijklmnopqrstuvwxyz-_") or unit for unit in units}
 
 
-def _step(text: str, whole: Declarations) -> tuple[Operator, tuple[str, ...]]:
+def step_of(text: str, whole: Declarations) -> tuple[Operator, tuple[str, ...]]:
     """An action as plans show it, `fly-to(uav0, north)`: its operator and objects."""
     name, _, rest = text.strip().removesuffix(")").partition("(")
     operators = {one.name: one for one in whole.operators}

@@ -12,6 +12,7 @@ from typing import Any, NamedTuple
 from agents.admission.trusted import PlatformTrust
 from agents.exchange.export_proxy import ExportProxy
 from agents.exchange.import_proxy import ImportProxy
+from agents.exchange.peer_motion import PeerMotion
 from bench.instants import grid
 from bench.streams.experiments import fluent_streams
 from bench.wire.raw import IDLE_S, PATIENCE_S, delays, latencies
@@ -212,6 +213,7 @@ class _ImportingNode:
             source,
             lambda _unit, _label: "",
             PlatformTrust({}, self._network, _unheard),
+            PeerMotion("0", self._network, FederationClock(), lambda: 0, lambda _at_us: None, _unheard),
             _unheard,
         )
         self._importer.expect(OWNER, LABEL, POLICY.content_hash(), POLICY, 0)

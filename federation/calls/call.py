@@ -18,6 +18,7 @@ from typing import Final
 
 from dyknow.model.errors import Refused
 from dyknow.model.instants import print_span
+from federation.calls.kept_record import KeptRecord
 from federation.calls.proposals import CallEvent, CallNews, Proposal, WantedStream, best
 from federation.members.correspondence import Correspondence
 from federation.members.directory import DirectoryEntry, DirectoryFacilitator, unit_order
@@ -60,6 +61,7 @@ class StreamCall:
         speed: of the federation's clock.
         trust: how far a platform is trusted, in [0, 1]; what it promises and brings is as much less certain.
         declared: likewise, where samples are less certain by that already when they arrive.
+        record: which platforms do not keep what they propose, over all calls of this member.
         on_news: takes what happens.
 
     Attributes:
@@ -78,7 +80,9 @@ class StreamCall:
         speed: float = 1.0,
         trust: Callable[[str], float] = lambda _unit: 1.0,
         declared: Callable[[str], float] = lambda _unit: 1.0,
+        record: KeptRecord | None = None,
     ) -> None:
+        self._record = KeptRecord() if record is None else record
         self.wanted, self._unit, self._acts, self._directory = wanted, unit, acts, directory
         self._on_news, self._speed, self._trust, self._declared = on_news, speed, trust, declared
         self.taken: Proposal | None = None
@@ -116,7 +120,7 @@ class StreamCall:
             if not self._is_heard(unit):  # however rarely it is to bring something
                 self._fail("its platform is no longer heard", now_us, cancel=True)
             elif why := self._failure(self.taken, now_us):
-                self._blamed_us[unit] = now_us
+                self._blame(unit, now_us)
                 self._fail(why, now_us, cancel=True)
         elif self._decide_us is None and now_us >= self._again_us and self._asked:
             self._ask_again(now_us)
@@ -188,6 +192,11 @@ class StreamCall:
         for unit, since_us in list(self._blamed_us.items()):
             if not self._is_heard(unit) and now_us <= since_us + FORGIVEN_US:
                 del self._blamed_us[unit]
+                self._record.forgive(unit)
+
+    def _blame(self, unit: str, now_us: int) -> None:
+        self._blamed_us[unit] = now_us
+        self._record.on_failed(unit, now_us)
 
     def _is_heard(self, unit: str) -> bool:
         entry = self._directory.entry(unit)
@@ -248,7 +257,7 @@ class StreamCall:
         period_us, delay_us = round(said.sample_period_s * 1e6), round(said.delay_s * 1e6)
         certainty = said.certainty * self._trust(unit) * self._declared(unit)
         proposal = Proposal(unit, asked[1], conversation, said.cost, max(1, period_us), delay_us, certainty)
-        why = proposal.lacks(self.wanted)
+        why = self._unlike_announced(proposal, now_us) or proposal.lacks(self.wanted)
         if why:
             self._news("refused", unit, f"cost {said.cost:g}, but {why}", now_us)
             self._reject(unit, conversation, why, now_us)
@@ -260,9 +269,22 @@ class StreamCall:
         else:
             self.deadline_us = now_us  # all may have answered
 
+    def _unlike_announced(self, proposal: Proposal, now_us: int) -> str:
+        """Why its cost is not believed: the platform announces the label at another one."""
+        entry, label = self._directory.entry(proposal.unit), self.wanted.label
+        announced = [] if entry is None else [each.cost for each in entry.labels if each.label == label]
+        if proposal.cost in announced or not announced or announced[0] is None:
+            return ""
+        self.refused["cost"] += 1
+        text = f"{label} at cost {proposal.cost:g} and announces it at {announced[0]:g}"
+        self._record.on_misstated(proposal.unit, text, now_us)
+        return f"it announces {announced[0]:g}"
+
     def _on_end(self, conversation: str, unit: str, why: str, now_us: int) -> None:
         """A conversation is over: it was declined, failed, or its platform is gone or silent."""
         if self.taken is not None and self.taken.conversation == conversation:
+            if self._is_heard(unit):
+                self._record.on_failed(unit, now_us)
             self._fail(why, now_us, cancel=False)
         elif unit in self.reserve and self.reserve[unit].conversation == conversation:
             del self.reserve[unit]
@@ -276,13 +298,14 @@ class StreamCall:
     def _decide(self, now_us: int) -> None:
         """Take the best of the reserve."""
         self._decide_us = None
-        chosen = best(self.reserve.values(), self.wanted)
+        chosen = best(self.reserve.values(), self.wanted, lambda unit: self._record.is_unreliable(unit, now_us))
         if chosen is None:
             self._again_us = now_us + self._pause_us
             self._wait("no proposal is left that would do", now_us)
             return
         del self.reserve[chosen.unit]
         self.taken, self._is_open, self._pause_us = chosen, False, AGAIN_US
+        self._record.on_taken(chosen.unit, now_us)
         self._good_us = now_us + BEGIN_WITHIN_US
         self._window_us, self._good = now_us + BEGIN_WITHIN_US, 0
         self._acts.decide(chosen.unit, chosen.conversation, P.ACCEPT_PROPOSAL, TakeProposal(), now_us)

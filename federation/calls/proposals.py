@@ -1,6 +1,6 @@
 """What a call wants of a stream, and what platforms propose for it (thesis 9.2.3: quality, cost and willingness)."""
 
-from collections.abc import Iterable
+from collections.abc import Callable, Iterable
 from typing import Literal, NamedTuple, TypeAlias
 
 from dyknow.model.instants import print_span
@@ -43,10 +43,17 @@ class Proposal(NamedTuple):
         return "; ".join(found)
 
 
-def best(proposals: Iterable[Proposal], wanted: WantedStream) -> Proposal | None:
-    """The cheapest proposal that meets what is wanted, of equal ones that of the unit that sorts first."""
+def best(
+    proposals: Iterable[Proposal],
+    wanted: WantedStream,
+    is_unreliable: Callable[[str], bool] = lambda _unit: False,
+) -> Proposal | None:
+    """The cheapest proposal that meets what is wanted, of equal ones that of the unit that sorts first.
+
+    Those of unreliable units come after all others.
+    """
     fitting = [each for each in proposals if not each.lacks(wanted)]
-    return min(fitting, key=lambda each: (each.cost, unit_order(each.unit)), default=None)
+    return min(fitting, key=lambda each: (is_unreliable(each.unit), each.cost, unit_order(each.unit)), default=None)
 
 
 CallEvent: TypeAlias = Literal["called", "proposed", "refused", "taken", "failed", "open"]

@@ -24,6 +24,7 @@ from federation.transport import TokenChanged, WireEffect, WireEvent
 
 STANDING = 256
 """Conversations of which later news are taken: a task outlives its delegate."""
+PATIENT_US = 2_000_000
 OnSample: TypeAlias = Callable[[ImportName, StreamSample, int], None]
 """Takes the stream's owner, semantic label and policy hash, a sample, and its arrival (node clock)."""
 
@@ -91,6 +92,7 @@ class CommandCentre:
         self.followed: dict[str, Dialogue] = {}
         self._changed_us = now_us
         self._tokens: dict[str, dict[str, str]] = {}
+        self._seen_us: int | None = None
 
     @property
     def unit(self) -> str:
@@ -302,10 +304,18 @@ class CommandCentre:
 
         Where they do not name each other (there is one, or none hears another yet), nothing has changed for `quiet_us`.
         In a federation with a roster the clock of each is known, too: its acts are not believed before that.
+        `PATIENT_US` after the first platform was seen all is known that comes of itself: a member that keeps
+        silent, or names others that are not there, holds up no question from then on.
         """
         there = self.platforms(all_kinds=True)
         uavs = {view.unit: view.entry for view in there if view.kind == "uav"}
-        if not uavs or any(view.entry is None or not view.entry.version for view in there):
+        if not uavs:
+            self._seen_us = None
+            return False
+        self._seen_us = now_us if self._seen_us is None else self._seen_us
+        if now_us >= self._seen_us + PATIENT_US:
+            return True
+        if any(view.entry is None or not view.entry.version for view in there):
             return False
         if self.member.trust is not None and any(self.member.offsets.of(unit) is None for unit in uavs):
             return False

@@ -3,9 +3,9 @@
 from collections.abc import Callable, Mapping, Sequence
 from pathlib import Path
 from types import MappingProxyType
-from typing import Any, Final, NamedTuple
+from typing import TYPE_CHECKING, Any, Final, NamedTuple
 
-from dyknow.model.errors import NothingFound, Refused, WrongCall
+from dyknow.model.errors import FederationFailed, NothingFound, Refused, WrongCall
 from federation import keys
 from federation.members.directory import unit_order
 from federation.messages.acts import Performative
@@ -26,6 +26,9 @@ from federation.messages.contents import (
 from federation.messages.dialogue import Dialogue
 from runtime.client import Client, Job, Wait
 from runtime.library.jobs import GRACE_S, MOST_LEADERS, failure_of, lists, platforms
+
+if TYPE_CHECKING:
+    from agents.missions.mission_texts import MissionTexts
 
 P = Performative
 Consent = Callable[[list[tuple[str, MissionProposal]]], bool]
@@ -104,7 +107,7 @@ def begin_mission(
     )  # fmt: skip
     if consent is not None or len(leaders) > 1:
         call = CallForMission(**{field: getattr(content, field) for field in type(content).model_fields})
-        return (yield from _called(client, call, leaders, taking_part, consent or (lambda _proposals: True)))
+        return (yield from _called(client, call, texts, leaders, consent or (lambda _proposals: True)))
     yield from _permit(client, name, leaders[0], taking_part)
     dialogue = client.say(leaders[0], P.REQUEST, content, within_s=AGREE_S, standing=True)
     client.centre.follow(dialogue, name)
@@ -135,30 +138,59 @@ def mission_of(
 
 
 def _called(
-    client: Client, call: CallForMission, leaders: Sequence[str], taking_part: Sequence[str], consent: Consent
+    client: Client, call: CallForMission, texts: "MissionTexts", leaders: Sequence[str], consent: Consent
 ) -> Job[Dialogue]:
-    """The contract net: the cheapest proposal is taken, the others are left."""
+    """The contract net: the cheapest proposal that can be is taken, the next if it is not kept, and the others are left."""
+    from agents.missions.proposal_checks import unbelievable
+
     within_s = AGREE_S + call.timeout_s
     calls = [client.say(unit, P.CFP, call, within_s=within_s, standing=True) for unit in leaders]
     yield Wait(lambda: all(one.said or one.over for one in calls), within_s + GRACE_S)
-    found = [(one, said) for one in calls for _, said in one.said if isinstance(said, MissionProposal)]
+    found, reasons = list[tuple[Dialogue, MissionProposal]](), list[str]()
+    for one in calls:
+        said = next((each for _, each in one.said if isinstance(each, MissionProposal)), None)
+        why = (one.trouble or "no answer in time") if said is None else unbelievable(said, texts)
+        if why:
+            reasons.append(f"platform {one.unit}: {why}")
+        if said is not None and why:
+            client.on_trouble(one.unit, f"its proposal is not believed: {why}")
+            client.decide(one, P.REJECT_PROPOSAL, LeaveMission(because=why))
+        elif said is not None:
+            found.append((one, said))
     found.sort(key=lambda each: (len(each[1].unreached), each[1].cost, each[1].duration_s))
     if not found:
-        reasons = "; ".join(f"platform {one.unit}: {one.trouble or 'no answer in time'}" for one in calls)
-        raise NothingFound(f"no platform proposes a plan: {reasons}")
+        raise NothingFound(f"no platform proposes a plan: {'; '.join(reasons)}")
     is_wanted = consent([(one.unit, proposal) for one, proposal in found])
-    for number, (one, _) in enumerate(found):
-        if number or not is_wanted:
-            because = "a cheaper one is taken" if is_wanted else "it is not consented to"
+    taken = (yield from _taken(client, call, texts, [one for one, _ in found])) if is_wanted else None
+    for one, _ in found:
+        if not one.over and one is not taken:
+            because = "it is not consented to" if not is_wanted else "another one is taken"
             client.decide(one, P.REJECT_PROPOSAL, LeaveMission(because=because))
     if not is_wanted:
         raise Refused("the plan is not consented to: nothing is flown", "no-consent")
-    chosen = found[0][0]
-    yield from _permit(client, call.mission, chosen.unit, taking_part)
-    client.decide(chosen, P.ACCEPT_PROPOSAL, TakeMission())
-    chosen.said.clear()
-    client.centre.follow(chosen, call.mission)
-    return chosen
+    if taken is None:
+        raise FederationFailed("no platform flies the plan that it proposed")
+    return taken
+
+
+def _taken(
+    client: Client, call: CallForMission, texts: "MissionTexts", found: Sequence[Dialogue]
+) -> Job[Dialogue | None]:
+    """Take the first that says it flies its plan; those before it have not kept what they proposed."""
+    for one in found:
+        yield from _permit(client, call.mission, one.unit, list(dict.fromkeys(texts.platforms.values())))
+        heard = len(one.said)
+        client.decide(one, P.ACCEPT_PROPOSAL, TakeMission())
+        yield Wait(lambda one=one, heard=heard: len(one.said) > heard or one.over, ANSWER_S)  # type: ignore[misc]
+        if not one.over and len(one.said) > heard:
+            del one.said[:heard]
+            client.centre.follow(one, call.mission)
+            return one
+        client.on_trouble(one.unit, f"it does not fly the plan that it proposed: {one.trouble or 'no answer in time'}")
+        if not one.over:
+            client.cancel(one.unit, one.conversation)
+            one.over = True
+    return None
 
 
 def _asked(client: Client, unit: str, content: PermitMission | ControlMission | AnswerQuestion) -> Job[None]:

@@ -72,6 +72,18 @@ def test_a_platform_that_says_how_fast_it_is_gets_more(wire):
     assert asked.failed is None
 
 
+def test_who_states_more_than_a_vehicle_has_gets_what_one_has_and_is_named_to_the_delegator(wire):
+    asked = fleet(wire, 1.0, 3.0)
+    wire.specify("1", SPEED)
+    wire.happens("1", Fed(wire.now_us, "plate", wire.now_us, (30_000.0,)))
+    wire.run(3)
+    assert {unit: round(each.share, 3) for unit, each in pieces(wire).items()} == {"0": 0.143, "1": 0.857}
+    report = [each.step for each in asked.contents if isinstance(each, Progress)][-1]
+    assert "1 states a top speed of 30000 m/s, counted as 60; 1 states a battery of 300%, counted as 100%" in report
+    assert "0 states" not in report
+    assert any("1 states a top speed" in note for note in wire.nodes["0"].notes)
+
+
 def test_each_piece_is_a_stream_of_its_platform(wire):
     fleet(wire, 0.8, 0.8)
     wire.run(3)

@@ -330,3 +330,61 @@ def test_the_loss_of_a_caller_frees_what_was_proposed_to_it(wire):
     wire.kill("0")
     wire.run(5)
     assert wire.platform("2").part(Bids)._standing == {}
+
+
+def said_of(box: Box, unit: str) -> list[str]:
+    """What the caller shows of a platform, as a command centre sees it."""
+    entry = box.member("cc").directory.entry("0")
+    assert entry is not None
+    return [one.text for one in entry.conditions if one.text.startswith(f"platform {unit} ")]
+
+
+@pytest.mark.parametrize("seed", range(3))
+def test_who_wins_call_after_call_and_brings_nothing_is_named_and_taken_last(wire, seed):
+    liar = str(1 + seed)
+    market = Market(wire, {unit: offer(0 if unit == liar else 9 + int(unit)) for unit in "123"})
+    wire.centre()
+    market.certainty[liar] = None
+    wire.run(8)
+    assert said_of(wire, liar) == [], "once may be an accident"
+    wire.specify("0", "")
+    wire.specify("0", CALL)
+    wire.run(5.5)
+    assert said_of(wire, liar) == [f"platform {liar} has not kept 2 of 2 proposals that were taken"]
+    assert market.news("taken")[-1][1] != liar
+    since = len(market.news("taken"))
+    wire.specify("0", "")
+    wire.specify("0", CALL)
+    wire.run(4)
+    assert liar not in {unit for _, unit in market.news("taken")[since:]}, "others are taken first"
+    for honest in {"1", "2", "3"} - {liar}:
+        assert said_of(wire, honest) == []
+    notes = [note for note in wire.nodes["0"].notes if "has not kept" in note]
+    assert len(notes) == 1
+    wire.run(601)
+    assert said_of(wire, liar) == [], "it is forgotten after ten minutes"
+
+
+def test_who_is_the_only_one_is_taken_though_it_has_not_kept_what_it_proposed(wire):
+    market = Market(wire, {"1": offer(0)})
+    market.certainty["1"] = None
+    for _ in range(3):
+        wire.run(4)
+        wire.specify("0", "")
+        wire.specify("0", CALL)
+    market.certainty["1"] = 0.95
+    assert market.takes_us("1", 3) < 3_000_000
+
+
+def test_a_proposal_below_what_is_announced_is_not_believed_and_named(wire, monkeypatch):
+    market = Market(wire, {"1": offer(9), "2": offer(5)}, call="")
+    wire.centre()
+    agreements = wire.platform("1").part(Bids)._agreements
+    honest = agreements.offer_of
+    monkeypatch.setattr(agreements, "offer_of", lambda label: honest(label)._replace(cost=0.0))
+    wire.specify("0", CALL)
+    assert market.takes_us("2", 3) < 3_000_000
+    wire.run(1.0)
+    assert said_of(wire, "1") == ["platform 1 proposes gas-level at cost 0 and announces it at 9"]
+    assert said_of(wire, "2") == []
+    assert market.call.refused["cost"] == 1

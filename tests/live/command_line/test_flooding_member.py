@@ -2,10 +2,13 @@
 
 import json
 import os
+import socket
+import ssl
 import threading
 import time
+from collections import deque
 from collections.abc import Callable, Iterator
-from contextlib import contextmanager
+from contextlib import contextmanager, suppress
 from pathlib import Path
 from random import Random
 from statistics import median
@@ -28,6 +31,7 @@ from federation.messages.codec import (
 from federation.messages.contents import Alarm, CheckFormula, Search
 from federation.messages.descriptions import Description, LabelEntry, ServiceEntry
 from runtime.configuration.run_directory import STATE_FILE
+from runtime.configuration.session import host_of
 from tests.live.command_line import test_hostile_member
 from tests.live.command_line.command import Dyknow
 from tests.live.command_line.test_hostile_member import Member
@@ -35,7 +39,9 @@ from tests.live.command_line.test_hostile_member import Member
 pytestmark = pytest.mark.live
 P = Performative
 secured = test_hostile_member.secured
-FULL_S, MOST_MB = 10.0, 50
+MOST_MB, HALF_OPEN = 50, 200
+CYCLES, SLICE_S, SETTLED_S, PACE_S, FRESH_S = 8, 2.5, 4.0, 0.07, 20.0
+"""Questions come less often than a platform takes acts of one member."""
 WORDS = "abcdefghijkl"
 
 
@@ -146,19 +152,77 @@ class Flood:
         self.member.session.put(keys.stream("3", self.word(), "ab12cd34"), encode_samples(self.member.boot, samples))
 
 
+class Stranger:
+    """Connects without a certificate, and says a TLS greeting, bytes of no protocol, or nothing; 200 stay half open."""
+
+    def __init__(self, endpoints: list[str]) -> None:
+        self._places = [(host_of(each), int(each.rpartition(":")[2])) for each in endpoints]
+        self._random, self._open, self.made = Random(7), deque[socket.socket](), 0
+
+    def connections(self) -> None:
+        made = socket.socket()
+        made.setblocking(False)
+        self._open.append(made)
+        self.made += 1
+        with suppress(OSError):  # the platform may close first, or accept later
+            made.connect_ex(self._places[self.made % len(self._places)])
+            made.send((self._greeting(), self._random.randbytes(2000), b"")[self.made % 3])
+        while len(self._open) > HALF_OPEN:
+            self._open.popleft().close()
+
+    def _greeting(self) -> bytes:
+        context = ssl.create_default_context()
+        outgoing = ssl.MemoryBIO()
+        greeting = context.wrap_bio(ssl.MemoryBIO(), outgoing, server_hostname="127.0.0.1")
+        with suppress(ssl.SSLWantReadError):
+            greeting.do_handshake()
+        return outgoing.read()
+
+    def end(self) -> None:
+        while self._open:
+            self._open.popleft().close()
+
+
+class Asking:
+    """An honest member's questions, one after another, and how long each round trip takes."""
+
+    def __init__(self, federation: facade.FederationClient) -> None:
+        self._federation, self._pace = federation, threading.Event()
+
+    def until(self, until_s: float) -> list[float]:
+        took: list[float] = []
+        while time.monotonic() < until_s:
+            began_s = time.monotonic()
+            found = self._federation.query("heli-position", unit=0)
+            took.append(time.monotonic() - began_s)
+            assert not found.missing, found.missing
+            self._pace.wait(PACE_S)
+        return took
+
+
 def quantile(values: list[float], part: float) -> float:
     return sorted(values)[min(len(values) - 1, int(part * len(values)))]
 
 
+def figures_of(took: list[float]) -> dict[str, float]:
+    return {
+        "asked": len(took),
+        "p50_ms": round(1000 * median(took), 1),
+        "p99_ms": round(1000 * quantile(took, 0.99), 1),
+        "most_ms": round(1000 * max(took), 1),
+    }
+
+
 @pytest.mark.full
-def test_floods_by_a_member_cost_no_memory_and_the_others_are_answered(
+@pytest.mark.timeout(900)
+def test_floods_by_a_member_and_by_a_stranger_cost_no_memory_and_the_others_are_answered(
     secured: tuple[Dyknow, Member, str], tmp_path: Path
 ) -> None:
     dyknow, member, task = secured
     state = state_of(dyknow)
     processes = {one["unit"]: psutil.Process(one["pid"]) for one in state["running"]}
     figures: dict[str, Any] = {}
-    flood = Flood(member, task)
+    flood, stranger = Flood(member, task), Stranger(state["endpoints"])
 
     def rss_mb() -> dict[str, int]:
         return {str(unit): process.memory_info().rss >> 20 for unit, process in processes.items()}
@@ -166,53 +230,48 @@ def test_floods_by_a_member_cost_no_memory_and_the_others_are_answered(
     def inputs() -> set[str]:
         return {each["inputs"] for each in dyknow.run("monitors") if 3 not in each.get("units", (3,))}
 
-    with facade.connect(
-        dyknow.federation, connect=tuple(state["endpoints"]), roster=tmp_path / "trust" / "roster.toml"
-    ) as federation:
+    def sent(kind: Callable[[], None]) -> Callable[[], None]:
+        def once() -> None:
+            flood.number += 1
+            kind()
 
-        def latencies(send: Callable[[], None] | None, seconds: float) -> list[float]:
-            took: list[float] = []
-            until = time.monotonic() + seconds
+        return once
 
-            def once() -> None:
-                if send is not None:
-                    flood.number += 1
-                    send()
-
-            with repeated(once, 0.003):
-                while time.monotonic() < until:
-                    began = time.monotonic()
-                    found = federation.query("heli-position", unit=0)
-                    took.append(time.monotonic() - began)
-                    assert not found.missing, (found.missing, figures)
-                    time.sleep(0.02)
-            return took
-
-        with repeated(flood.live):
-            quiet = latencies(None, FULL_S)
-            figures["quiet"] = {"median_s": median(quiet), "p99_s": quantile(quiet, 0.99), "rss_mb": rss_mb()}
-            before = rss_mb()
-            for kind in (flood.acts, flood.formulas, flood.alarms, flood.heartbeats, flood.descriptions, flood.labels):
-                start = flood.number
-                took = latencies(kind, FULL_S)
+    roster = tmp_path / "trust" / "roster.toml"
+    with (
+        facade.connect(dyknow.federation, connect=tuple(state["endpoints"]), roster=roster) as federation,
+        repeated(flood.live),
+    ):
+        asking = Asking(federation)
+        asking.until(time.monotonic() + SETTLED_S)
+        before = rss_mb()
+        kinds = (flood.acts, flood.formulas, flood.alarms, flood.heartbeats, flood.descriptions, flood.labels)
+        for kind in (*kinds, stranger.connections):
+            quiet, flooded, start, seen = list[float](), list[float](), flood.number, set[str]()
+            for _ in range(CYCLES):  # by turns, since others use the machine as well
+                quiet += asking.until(time.monotonic() + SLICE_S)
+                with repeated(sent(kind), 0.003):
+                    flooded += asking.until(time.monotonic() + SLICE_S)
+            with repeated(sent(kind), 0.003):
                 seen = inputs()
-                until = time.monotonic() + 5.0
-                while (fresh := inputs()) != {"fresh"} and time.monotonic() < until:
-                    pass
-                now = rss_mb()
-                figures[kind.__name__] = {
-                    "sent": flood.number - start,
-                    "median_s": median(took),
-                    "p99_s": quantile(took, 0.99),
-                    "rss_mb": now,
-                    "more_mb": max(now[unit] - before[unit] for unit in now),
-                    "monitors_right_after": sorted(seen),
-                    "monitors": sorted(fresh),
-                }
+            stranger.end()
+            until_s = time.monotonic() + FRESH_S
+            while (fresh := inputs()) != {"fresh"} and time.monotonic() < until_s:
+                pass
+            now = rss_mb()
+            figures[kind.__name__] = {
+                "sent": flood.number - start,
+                "quiet": figures_of(quiet),
+                "flooded": figures_of(flooded),
+                "p99_ratio": round(quantile(flooded, 0.99) / quantile(quiet, 0.99), 2),
+                "rss_mb": now,
+                "more_mb": max(now[unit] - before[unit] for unit in now),
+                "monitors_meanwhile": sorted(seen),
+                "monitors": sorted(fresh),
+            }
     if "DYKNOW_FIGURES" in os.environ:
         Path(os.environ["DYKNOW_FIGURES"]).write_text(json.dumps(figures, indent=1))
-    for name, found in figures.items():
-        if name != "quiet":
-            assert found["more_mb"] <= MOST_MB, figures
-            assert found["monitors"] == ["fresh"], figures
-            assert found["p99_s"] <= max(2 * figures["quiet"]["p99_s"], 0.25), figures
+    for found in figures.values():
+        assert found["more_mb"] <= MOST_MB, figures
+        assert found["monitors"] == ["fresh"], figures
+        assert found["flooded"]["p99_ms"] <= max(2 * found["quiet"]["p99_ms"], 250.0), figures
