@@ -12,8 +12,8 @@ MOST_DIGITS: Final = 4300
 """Digits of a number, as Python reads them from a text; to read more takes a hundred bytes of memory each."""
 _LONG_NUMBER: Final = rf"(?<![0-9A-Fa-f_])0[xob][0-9A-Fa-f_]{{{MOST_DIGITS}}}|(?<![0-9_])[0-9_]{{{MOST_DIGITS}}}"
 _TEXT: Final = (
-    r'"""(?:[^"\\]++|\\.|"(?!""))*+(?:"""|\Z)|"(?:[^"\\\n]++|\\.)*+"?'
-    r"|'''(?:[^']++|'(?!''))*+(?:'''|\Z)|'[^'\n]*+'?|#[^\n]*+"
+    r'"""(?:[^"\\]++|\\.|"(?!""))*+(?:"{3,5}|\Z)|"(?:[^"\\\n]++|\\.)*+"?'
+    r"|'''(?:[^']++|'(?!''))*+(?:'{3,5}|\Z)|'[^'\n]*+'?|#[^\n]*+"
 )
 """A text or a comment, in which digits are no number; one that is not ended goes to the end."""
 _TEXTS_AND_LONG_NUMBERS = re.compile(rf"{_TEXT}|(?P<number>{_LONG_NUMBER})", re.DOTALL)

@@ -19,12 +19,24 @@ NUMBERS = [
 ]
 
 
+BEFORE = [
+    "",
+    "b = \"it's\" # don't\n",
+    "b = '\"'\nc = '''\n''''' \n",
+    'b = """\\""" """\n',
+    'b = """x"""" \n',
+    "b = '''x''''\n",
+]
+"""TOML that is right, with quotes and signs of comments where they mean nothing."""
+
+
 @pytest.mark.parametrize(
     "number", NUMBERS, ids=["whole", "signed", "hexadecimal", "binary", "fraction", "exponent", "_"]
 )
-@pytest.mark.parametrize("before", ["", "b = \"it's\" # don't\n", "b = '\"'\nc = '''\n''''' \n", 'b = """\\"""" """\n'])
+@pytest.mark.parametrize("before", BEFORE)
 def test_a_number_of_thousands_of_digits_is_refused_at_its_line_and_column(number: str, before: str) -> None:
     text = f"{before}[a]\nx = [1, {number}]\n"
+    tomllib.loads(before)
     line = before.count("\n") + 2
     columns = range(9, 12)  # after a sign, or a point
     with pytest.raises(tomllib.TOMLDecodeError, match=rf"a number of {MOST_DIGITS} digits or more") as refused:
