@@ -62,7 +62,9 @@ def _check(hint: Any, name: str) -> tuple[str, _Check]:
         return _NAMES[hint], lambda value: type(value) is hint
     if origin in {Union, UnionType}:
         parts = [_check(each, name) for each in arguments]
-        return " or ".join(wanted for wanted, _ in parts), lambda value: any(fits(value) for _, fits in parts)
+        first, *others = (wanted for wanted, _ in parts)
+        wanted = " or ".join((first, *others)) if len(others) < 3 else f"{first} or one of {len(others)} other kinds"
+        return wanted, lambda value: any(fits(value) for _, fits in parts)
     if origin is tuple:
         return _tuple_check(arguments, name)
     if origin is not None and issubclass(origin, Mapping):
