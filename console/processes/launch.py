@@ -313,15 +313,14 @@ def together(configs: Sequence[config.NodeConfig]) -> list[list[config.NodeConfi
 
 
 def replayed(file: Path, from_: str, epoch: str, now_us: int, *, place: str) -> config.ReplayedVehicle:
-    """A recorded flight whose first position plus `from_` is played at `epoch`; raises WrongCall."""
+    """A recorded flight whose first position plus `from_` is played at `epoch`; raises WrongCall and DecodeError."""
     known = {".tlog", ".bin", ".ulg", ".mcap"}
     if file.suffix.lower() not in known:
         raise WrongCall(f"{place}: {file} is no recording that can be replayed; known: {', '.join(sorted(known))}.")
     if not file.is_file():
         raise WrongCall(f"{place}: there is no file {file}; check the path.")
     from_us = duration_us(from_, option=f"{place} from")
-    if from_us:
-        _reaches(file, from_us, place)
+    _check_recording(file, from_us, place)
     return config.ReplayedVehicle(
         file=file.resolve(),
         from_us=from_us,
@@ -329,8 +328,8 @@ def replayed(file: Path, from_: str, epoch: str, now_us: int, *, place: str) -> 
     )
 
 
-def _reaches(file: Path, from_us: int, place: str) -> None:
-    """Raises WrongCall if nothing of the recording is left at `from_us`."""
+def _check_recording(file: Path, from_us: int, place: str) -> None:
+    """Raises DecodeError for what is no recording, and WrongCall if nothing of it is left at `from_us`."""
     from proxies.recordings.formats import open_recording
 
     lasting_us = open_recording(file).lasting_us(from_us)

@@ -17,6 +17,7 @@ from mcap.opcode import Opcode
 from mcap.records import Channel, Chunk, Header, Message, Metadata, Schema
 
 from dyknow.model.errors import DecodeError
+from proxies.recordings.named_files import opened_file
 
 MAGIC: Final = b"\x89MCAP0\r\n"
 LARGEST_CHUNK: Final = 4_000_000
@@ -72,7 +73,7 @@ class McapRecords:
         self._unpacked = self._channels = self._schemas = 0
 
     def __iter__(self) -> Iterator[McapItem]:
-        with self._path.open("rb") as stream:
+        with opened_file(self._path) as stream:
             size = os.fstat(stream.fileno()).st_size
             self._check_beginning(stream.read(len(MAGIC)))
             while (offset := stream.tell()) < size:

@@ -6,6 +6,7 @@ from anchoring.roads.network import RoadNetwork
 from dyknow.model.errors import WrongCall
 from kpl.linking.roads import APART_M
 from navigation.cameras.rig import CameraRig
+from proxies.recordings.named_files import opened_file
 
 
 def read_bytes(file: Path, option: str) -> bytes:
@@ -13,7 +14,7 @@ def read_bytes(file: Path, option: str) -> bytes:
     from anchoring.roads.files.problems import MOST_BYTES
 
     try:
-        with file.open("rb") as text:
+        with opened_file(file) as text:
             return text.read(MOST_BYTES + 1)
     except OSError as error:
         raise WrongCall(
