@@ -14,9 +14,9 @@ from agents.specification.specification_part import read
 from dyknow.model.errors import DyknowError, SourceText, SpecificationFailed
 from dyknow.model.instants import US_PER_S
 from kpl import parse_specification
-from proxies.recordings.named_files import bounded_text, opened_file, text_lines
+from proxies.files.named_files import bounded_text, opened_file, text_lines
+from proxies.files.watched_file import WatchedFiles
 from proxies.recordings.sample_file import FedSample, read_feed
-from proxies.recordings.watched_file import WatchedFiles
 from reasoning.monitoring.json_lines import LIMIT_LINE
 
 LOOK_S = 0.5

@@ -120,9 +120,7 @@ def platform_config(
         more: further fields of NodeConfig.
     """
     unit_name(unit)
-    for option, file in (("translation", own.translation), ("profiles", own.profiles)):
-        if file is not None and not os.access(file, os.R_OK):
-            raise WrongCall(f"{option}: {file} cannot be read; check the path.")
+    _check_texts(call, own)
     fields = {
         "unit": unit,
         "wire": with_local_endpoint(wire_of(call.settings, unit, own)),
@@ -310,6 +308,19 @@ def together(configs: Sequence[config.NodeConfig]) -> list[list[config.NodeConfi
         if len({vehicle.signing_key for vehicle in vehicles}) > 1:
             raise WrongCall(f"{place}: all vehicles there are signed with one key (signing_key).")
     return list(groups.values())
+
+
+def _check_texts(call: Call, own: UnitFile) -> None:
+    """Raises WrongCall and TextError for what the process of a platform could not read."""
+    if own.translation is None and own.profiles is None:
+        return
+    from runtime.configuration.ontologies import ontology_of
+    from runtime.configuration.resolved import read_profiles, read_translation
+
+    if own.translation is not None:
+        read_translation(ontology_of(call.settings.extensions, call.settings.ontology), own.translation)
+    if own.profiles is not None:
+        read_profiles(own.profiles)
 
 
 def replayed(file: Path, from_: str, epoch: str, now_us: int, *, place: str) -> config.ReplayedVehicle:

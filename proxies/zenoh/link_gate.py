@@ -18,7 +18,7 @@ from dyknow.model.errors import RosterError
 from federation.security.tls import named_until
 from federation.security.trust import Roster
 from federation.transport import CertificateEnds, LinkClosed, RosterRead
-from proxies.recordings.named_files import bounded_text
+from proxies.files.named_files import bounded_text
 
 Post: TypeAlias = Callable[[LinkClosed | RosterRead | CertificateEnds], None]
 Address: TypeAlias = tuple[str, int]

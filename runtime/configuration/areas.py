@@ -6,7 +6,7 @@ from typing import Any
 
 from dyknow.model.errors import WrongCall
 from federation.messages.contents.areas import MAX_CORNERS
-from proxies.recordings.named_files import bounded_text
+from proxies.files.named_files import bounded_text
 
 
 def corners_of(file: str) -> tuple[str, ...]:

@@ -5,7 +5,7 @@ from pathlib import Path
 
 from dyknow.model.errors import RosterError, WrongCall
 from federation.security.trust import Roster, RosterMember, Signer
-from proxies.recordings.named_files import bounded_bytes, bounded_text
+from proxies.files.named_files import bounded_bytes, bounded_text
 
 _OTHERS = 0o077
 LONGEST_FILE = 65_536

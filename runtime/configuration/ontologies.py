@@ -5,7 +5,7 @@ from pathlib import Path
 
 from dyknow.model.errors import WrongCall
 from federation.sharing.ontology import MAX_FILE, Ontology, default_ontology
-from proxies.recordings.named_files import bounded_text
+from proxies.files.named_files import bounded_text
 
 
 def ontology_of(extensions: Iterable[str] = (), file: Path | None = None) -> Ontology:

@@ -9,7 +9,7 @@ from typing import NamedTuple
 
 from dyknow.model.errors import RosterError, WrongCall
 from federation.security.trust import Signer
-from proxies.recordings.named_files import bounded_bytes
+from proxies.files.named_files import bounded_bytes
 from runtime.configuration.config import TrustConfig, WireConfig
 from runtime.configuration.credentials import LONGEST_FILE, checked_certificate, checked_key, private_key
 from runtime.configuration.local_endpoints import dialled

@@ -1,12 +1,13 @@
 """Files of road networks, as options and settings name them."""
 
+import os
 from pathlib import Path
 
 from anchoring.roads.network import RoadNetwork
 from dyknow.model.errors import WrongCall
 from kpl.linking.roads import APART_M
 from navigation.cameras.rig import CameraRig
-from proxies.recordings.named_files import opened_file
+from proxies.files.named_files import opened_file
 
 
 def read_bytes(file: Path, option: str) -> bytes:
@@ -15,6 +16,8 @@ def read_bytes(file: Path, option: str) -> bytes:
 
     try:
         with opened_file(file) as text:
+            if os.fstat(text.fileno()).st_size > MOST_BYTES:
+                raise OSError(27, f"it is longer than {MOST_BYTES >> 20} MB, the most that is read")
             return text.read(MOST_BYTES + 1)
     except OSError as error:
         raise WrongCall(

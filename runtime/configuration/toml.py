@@ -8,7 +8,7 @@ from pydantic import BaseModel, ValidationError
 
 from dyknow.model.errors import WrongCall, did_you_mean
 from dyknow.model.toml_texts import tables_of
-from proxies.recordings.named_files import bounded_text
+from proxies.files.named_files import bounded_text
 
 M = TypeVar("M", bound=BaseModel)
 MOST_MISTAKES: Final = 50

@@ -23,7 +23,7 @@ from dyknow.model.errors import RosterError, WrongCall
 from federation.keys import unit as unit_name
 from federation.security.tls import Paths, authority_certificate, platform_certificate, tls_key, zenoh_security_config
 from federation.security.trust import KEY_BYTES, Role, Roster, RosterMember, Signer
-from proxies.recordings.named_files import bounded_text
+from proxies.files.named_files import bounded_text
 from runtime.configuration.reach import COMMAND_CENTRE, roster_folder
 
 DEFAULT_FILE = Path("roster.toml")

@@ -5,7 +5,7 @@ from pathlib import Path
 
 from console.commands.texts.specification_files import STANDARD_INPUT
 from dyknow.model.errors import WrongCall
-from proxies.recordings.named_files import opened_file
+from proxies.files.named_files import opened_file
 
 
 def read_document(path: Path) -> tuple[bytes, str]:

@@ -37,6 +37,8 @@ def saliency(
     have refused are counted on standard error, with the member that sent them and the reason.
     """
     boxes = None if supplies is None else read_text(supplies)
+    if boxes is not None:
+        supply_goals((), boxes)  # before platforms are asked
     with connected(call) as client:
         picture = client.run(saliency_map(client, unit))
         if boxes is not None:

@@ -7,7 +7,7 @@ from pathlib import Path
 from typing import TYPE_CHECKING, BinaryIO, TypeVar
 
 from dyknow.model.errors import SourceText, WrongCall
-from proxies.recordings.named_files import bounded_text, opened_file, text_lines
+from proxies.files.named_files import bounded_text, opened_file, text_lines
 
 if TYPE_CHECKING:
     from dyknow import Network, Prototype
@@ -64,7 +64,7 @@ def opened(path: Path, option: str, what: str) -> Iterator[Iterator[str]]:
 @contextmanager
 def recorded_lines(path: Path, option: str, what: str) -> Iterator[Iterator[bytes]]:
     """The lines of a file, or of standard input if that is called `-`, one by one; raises WrongCall as `opened`."""
-    from proxies.recordings.piped_lines import limited_lines
+    from proxies.files.piped_lines import limited_lines
     from reasoning.monitoring.json_lines import LIMIT_LINE
 
     if str(path) == STANDARD_INPUT:
@@ -91,7 +91,7 @@ def check_specified(own: "UnitFile") -> None:
 
     if own.spec is not None:
         from kpl import parse_specification
-        from proxies.recordings.named_files import beside
+        from proxies.files.named_files import beside
 
         parse_specification(read_text(own.spec), beside(own.spec))
     elif own.feed is not None:

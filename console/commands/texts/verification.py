@@ -13,7 +13,7 @@ from console.options.arguments import SpecificationFile, UnitModules
 from console.output.output import counted
 from console.output.shown import line, styled
 from dyknow.model.errors import WrongCall
-from proxies.recordings.named_files import beside
+from proxies.files.named_files import beside
 
 if TYPE_CHECKING:
     from dyknow import Network, Sample

@@ -4,7 +4,7 @@ import re
 from collections.abc import Sequence
 from typing import Final, NamedTuple
 
-from dyknow.model.errors import WrongCall
+from dyknow.model.errors import WrongCall, file_of
 from runtime.library.pictures.saliency import FoundPerson
 
 STANDOFF_M: Final = 3.0
@@ -41,7 +41,8 @@ def supply_goals(persons: Sequence[FoundPerson], problem: str) -> SupplyGoals:
     """
     match = _OBJECTS.search(problem)
     if match is None or not 0 <= int(match[3]) - int(match[2]) < MOST_BOXES:
-        raise WrongCall("the problem names no boxes; write #objects box = b1 .. b11")
+        place = f"{file}: " if (file := file_of(problem)) else ""
+        raise WrongCall(f"{place}the problem names no boxes; write #objects box = b1 .. b11")
     boxes = [f"{match[1]}{number}" for number in range(int(match[2]), int(match[3]) + 1)]
     ordered = sorted(persons, key=lambda each: (-len(each.by), -each.observed_s, each.name))
     pairs = list(zip(boxes, ordered, strict=False))

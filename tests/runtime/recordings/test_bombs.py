@@ -27,10 +27,10 @@ from kpl import parse_specification
 from planning.domains.model import Declarations
 from planning.domains.packing import unpacked
 from planning.domains.texts import parse_domain
+from proxies.files.named_files import beside
 from proxies.recordings.formats import open_recording
 from proxies.recordings.journal_file import ABOUT, read_about, read_journal
 from proxies.recordings.mcap_records import MAGIC
-from proxies.recordings.named_files import beside
 from proxies.recordings.sample_file import read_feed
 from reasoning.monitoring.json_documents import JsonDocument
 from reasoning.monitoring.profiles import parse_profiles

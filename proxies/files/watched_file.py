@@ -2,7 +2,7 @@
 
 from pathlib import Path
 
-from proxies.recordings.named_files import named_text
+from proxies.files.named_files import named_text
 
 
 class WatchedFile:
