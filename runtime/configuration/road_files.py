@@ -16,13 +16,17 @@ def read_bytes(file: Path, option: str) -> bytes:
 
     try:
         with opened_file(file) as text:
-            if os.fstat(text.fileno()).st_size > MOST_BYTES:
-                raise OSError(27, f"it is longer than {MOST_BYTES >> 20} MB, the most that is read")
-            return text.read(MOST_BYTES + 1)
+            size = os.fstat(text.fileno()).st_size
+            found = b"" if size > MOST_BYTES else text.read(MOST_BYTES + 1)
     except OSError as error:
         raise WrongCall(
             f"{option}: {file} cannot be read ({error.strerror}); roads are a file of GeoJSON, OpenStreetMap or SUMO."
         ) from None
+    if size > MOST_BYTES:
+        raise WrongCall(
+            f"{option}: {file} is longer than {MOST_BYTES >> 20} MB, the most that is read; cut the network."
+        )
+    return found
 
 
 def read_roads(file: Path) -> RoadNetwork:
