@@ -7,7 +7,7 @@ DONE, NO, WRONG, FAILED, INTERRUPTED = 0, 1, 2, 3, 130
 _NO = (errors.NothingFound, errors.UnknownLabel, errors.Refused)
 _WRONG = (
     *(errors.WrongCall, errors.TextError, errors.ChronicleError, errors.UnitError, errors.NameRefused),
-    *(errors.PolicyError, errors.ContentError, errors.RosterError, errors.RoadsError),
+    *(errors.PolicyError, errors.ContentError, errors.RosterError, errors.RoadsError, errors.DecodeError),
 )
 
 

@@ -143,7 +143,14 @@ class PlatformProcess:
         self._specified = self._specification()
         self._vehicle = self._make_vehicle(
             VehiclePorts(
-                self.config, self._federation_clock, self.clock, self._reported, self.stop, None, self.mailbox.post
+                self.config,
+                self._federation_clock,
+                self.clock,
+                self._reported,
+                self.stop,
+                None,
+                self.mailbox.post,
+                self._note,
             )
         )
         self._join()

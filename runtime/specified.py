@@ -14,9 +14,10 @@ from agents.specification.specification_part import read
 from dyknow.model.errors import DyknowError, SourceText, SpecificationFailed
 from dyknow.model.instants import US_PER_S
 from kpl import parse_specification
-from proxies.recordings.named_files import bounded_text
+from proxies.files.named_files import bounded_text, opened_file, text_lines
+from proxies.files.watched_file import WatchedFiles
 from proxies.recordings.sample_file import FedSample, read_feed
-from proxies.recordings.watched_file import WatchedFiles
+from reasoning.monitoring.json_lines import LIMIT_LINE
 
 LOOK_S = 0.5
 
@@ -76,7 +77,7 @@ class Specified:
             parse_specification(text, read_named)
             given = Specify(self._now_us(), str(text), text.file, tuple(texts.items()))
             read(text, given.named)
-        except (OSError, UnicodeDecodeError, DyknowError) as wrong:
+        except (OSError, DyknowError) as wrong:
             raise SpecificationFailed(str(wrong)) from None
         return given
 
@@ -106,7 +107,7 @@ def _samples(feed: Path | None) -> list[FedSample]:
     if feed is None:
         return []
     try:
-        with feed.open(encoding="utf-8") as lines:
-            return read_feed(lines, str(feed))
-    except (OSError, UnicodeDecodeError, DyknowError) as wrong:
+        with opened_file(feed) as file:
+            return read_feed(text_lines(file, LIMIT_LINE), str(feed))
+    except (OSError, DyknowError) as wrong:
         raise SpecificationFailed(str(wrong)) from None

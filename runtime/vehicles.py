@@ -7,6 +7,7 @@ as the simulator, registers its own, and the process is started with the name of
 import threading
 from collections.abc import Callable, Mapping, Sequence
 from dataclasses import dataclass, field
+from functools import partial
 from importlib import import_module
 from typing import TYPE_CHECKING, Any, NamedTuple, Protocol
 
@@ -83,7 +84,7 @@ class VehiclePorts(NamedTuple):
     """What a vehicle is built from: configuration, clocks, where its reports go, what to call when it has ended.
 
     `shared` has what it may share with vehicles of other platforms of this process; `happen` takes events that are no
-    reports.
+    reports; `note` takes words for users.
     """
 
     config: NodeConfig
@@ -93,6 +94,7 @@ class VehiclePorts(NamedTuple):
     ended: Callable[[], None]
     shared: "SharedPorts | None" = None
     happen: Callable[[Any], None] = lambda _event: None
+    note: Callable[[str], None] = lambda _text: None
 
     @property
     def limits(self) -> FlightLimits:
@@ -164,6 +166,14 @@ def _mavlink(table: Any, ports: VehiclePorts) -> Vehicle:
     return Vehicle(parts, settings, feed.command)
 
 
+def _played(ports: VehiclePorts, problem: str, *, stays: bool = False) -> None:
+    """A recording has been played, up to its end or to what cannot be read of it."""
+    if problem:
+        ports.note(problem)
+    if not stays:
+        ports.ended()
+
+
 @vehicle_kind("replay")
 def _replay(table: Any, ports: VehiclePorts) -> Vehicle:
     """A recorded flight; it cannot be commanded."""
@@ -178,7 +188,7 @@ def _replay(table: Any, ports: VehiclePorts) -> Vehicle:
         ports.post,
         ports.now_us,
         speed=ports.clock.speed,
-        on_end=lambda _problem: ports.ended(),
+        on_end=partial(_played, ports),
     )
     return Vehicle((replay,))
 
@@ -191,6 +201,6 @@ def _recorded(table: Any, ports: VehiclePorts) -> Vehicle:
 
     playback = Playback(
         table, ports.config.unit, ports.happen, ports.now_us, ports.node_clock.now_us,
-        speed=ports.clock.speed, on_end=(lambda: None) if table.stays else ports.ended,
+        speed=ports.clock.speed, on_end=partial(_played, ports, stays=table.stays),
     )  # fmt: skip
     return Vehicle((playback,), {"vehicle": False, "extensions": (RecordedPlatform,)})

@@ -3,7 +3,6 @@
 import math
 from collections.abc import Iterable, Mapping
 from functools import cached_property
-from typing import Any
 
 from anchoring.roads.elements import CROSSING, ROAD, Crossing, DirectedLink, RoadArea, RoadLink
 from anchoring.roads.geometry import Point2
@@ -102,12 +101,3 @@ class RoadNetwork:
 
     def __repr__(self) -> str:
         return f"RoadNetwork({len(self.crossings)} crossings, {len(self.links)} links, {len(self.areas)} areas)"
-
-    def __reduce__(self) -> Any:
-        """Workers get the values; the index is made there."""
-        return RoadNetwork, (
-            tuple(self.crossings.values()),
-            tuple(self.links.values()),
-            tuple(self.areas.values()),
-            self.frame,
-        )

@@ -120,9 +120,7 @@ def platform_config(
         more: further fields of NodeConfig.
     """
     unit_name(unit)
-    for option, file in (("translation", own.translation), ("profiles", own.profiles)):
-        if file is not None and not os.access(file, os.R_OK):
-            raise WrongCall(f"{option}: {file} cannot be read; check the path.")
+    _check_texts(call, own)
     fields = {
         "unit": unit,
         "wire": with_local_endpoint(wire_of(call.settings, unit, own)),
@@ -312,16 +310,28 @@ def together(configs: Sequence[config.NodeConfig]) -> list[list[config.NodeConfi
     return list(groups.values())
 
 
+def _check_texts(call: Call, own: UnitFile) -> None:
+    """Raises WrongCall and TextError for what the process of a platform could not read."""
+    if own.translation is None and own.profiles is None:
+        return
+    from runtime.configuration.ontologies import ontology_of
+    from runtime.configuration.resolved import read_profiles, read_translation
+
+    if own.translation is not None:
+        read_translation(ontology_of(call.settings.extensions, call.settings.ontology), own.translation)
+    if own.profiles is not None:
+        read_profiles(own.profiles)
+
+
 def replayed(file: Path, from_: str, epoch: str, now_us: int, *, place: str) -> config.ReplayedVehicle:
-    """A recorded flight whose first position plus `from_` is played at `epoch`; raises WrongCall."""
+    """A recorded flight whose first position plus `from_` is played at `epoch`; raises WrongCall and DecodeError."""
     known = {".tlog", ".bin", ".ulg", ".mcap"}
     if file.suffix.lower() not in known:
         raise WrongCall(f"{place}: {file} is no recording that can be replayed; known: {', '.join(sorted(known))}.")
     if not file.is_file():
         raise WrongCall(f"{place}: there is no file {file}; check the path.")
     from_us = duration_us(from_, option=f"{place} from")
-    if from_us:
-        _reaches(file, from_us, place)
+    _check_recording(file, from_us, place)
     return config.ReplayedVehicle(
         file=file.resolve(),
         from_us=from_us,
@@ -329,8 +339,8 @@ def replayed(file: Path, from_: str, epoch: str, now_us: int, *, place: str) -> 
     )
 
 
-def _reaches(file: Path, from_us: int, place: str) -> None:
-    """Raises WrongCall if nothing of the recording is left at `from_us`."""
+def _check_recording(file: Path, from_us: int, place: str) -> None:
+    """Raises DecodeError for what is no recording, and WrongCall if nothing of it is left at `from_us`."""
     from proxies.recordings.formats import open_recording
 
     lasting_us = open_recording(file).lasting_us(from_us)

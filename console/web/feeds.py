@@ -7,6 +7,7 @@ from typing import Any, Final, Protocol
 from console.web.picture import Picture
 from console.web.rows import LONGEST, instant, number
 from console.web.views import PageView, Past
+from dyknow.model.errors import DecodeError
 from runtime.recordings.recorded import FederationRecording
 from runtime.recordings.recording_file import ALARM
 
@@ -34,8 +35,18 @@ class RecordedFeed:
         self._open_us: dict[str, int] = {}
         self.marks: list[tuple[int, int | None]] = []
 
-    def load(self) -> None:
-        """Read all messages that are shown."""
+    def load(self) -> str:
+        """Read all messages that are shown; what cannot be read, in words, or an empty text."""
+        try:
+            self._read()
+            problem = self.recording.unread_text
+        except DecodeError as damage:
+            problem = str(damage)
+        self.marks += [(opened_us, None) for opened_us in self._open_us.values()]
+        self.is_loaded = True
+        return problem
+
+    def _read(self) -> None:
         picture, frame_us = self._frames[0][1].copy(), 0
         for each in self.recording.messages(lambda topic: topic in SHOWN_TOPICS or topic.count("/") == 2):
             if each.topic.endswith(("/fix", "/pose")) or len(self._times) >= MOST_MESSAGES:
@@ -50,8 +61,6 @@ class RecordedFeed:
                 self._mark(at_us, each.message)
             self._messages.append((each.schema, each.message))
             self._times.append(at_us)
-        self.marks += [(opened_us, None) for opened_us in self._open_us.values()]
-        self.is_loaded = True
 
     def _mark(self, at_us: int, alarm: Mapping[str, Any]) -> None:
         """When an alarm was open, for the slider."""

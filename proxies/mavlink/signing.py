@@ -5,9 +5,10 @@ import stat
 from pathlib import Path
 
 from dyknow.model.errors import WrongCall
+from proxies.files.named_files import bounded_bytes
 from proxies.mavlink.endpoints import Endpoint
 
-_KEY_BYTES, _SHORTEST_PASSPHRASE = 32, 8
+_KEY_BYTES, _SHORTEST_PASSPHRASE, _LONGEST_FILE = 32, 8, 4096
 
 
 def read_key(path: Path) -> bytes:
@@ -19,7 +20,7 @@ def read_key(path: Path) -> bytes:
         WrongCall: the file cannot be read, others may read it, or it holds no key; with the remedy.
     """
     try:
-        mode, data = path.stat().st_mode, path.read_bytes()
+        mode, data = path.stat().st_mode, bounded_bytes(path, _LONGEST_FILE)
     except OSError as error:
         raise WrongCall(
             f"signing key {path}: cannot be read ({error.strerror}); check the path and its rights."

@@ -7,7 +7,8 @@
     lost      msgpack   how many entries before this one could not be kept
     x/...     json      a sample of a stream: {"valid_us", "available_us", "value" or fields}; log time = available time
 
-Entries are in the order in which the node saw them. A file that was cut off by a crash reads up to the cut.
+Entries are in the order in which the node saw them. A file that was cut off by a crash reads up to the cut. One may come from
+anyone: each field of an event is of the type that its kind declares, or the file is refused there (`event_fields.py`).
 """
 
 from collections.abc import Iterator, Mapping
@@ -34,10 +35,12 @@ from agents.effects import (
 )
 from dyknow import NO_VALUE, Quality, Sample
 from dyknow.model.errors import DecodeError
+from dyknow.model.instants import MAX_DURATION_US
 from dyknow.network.process import Outcome
 from federation.transport import WireEvent
 from navigation.vehicle import ImageDetection, Report
-from proxies.recordings.mcap_records import McapItem, McapRecords
+from proxies.recordings.event_fields import made, shown
+from proxies.recordings.mcap_records import McapItem, McapRecords, Unread
 from proxies.recordings.packed_lengths import check_lengths
 
 EVENT, TIME, SHOWN, LOST, SAMPLES = "event", "time", "shown", "lost", "x/"
@@ -75,6 +78,7 @@ _KINDS: dict[str, type[Any]] = {
         Quality,
     )
 }
+_EVENTS = frozenset(get_args(Event))
 
 
 class Stepped(NamedTuple):
@@ -92,7 +96,7 @@ class Lost(NamedTuple):
     entries: int
 
 
-Entry: TypeAlias = Stepped | Lost
+Entry: TypeAlias = Stepped | Lost | Unread
 
 
 def encode_event(event: Any) -> bytes:
@@ -111,9 +115,13 @@ def _extended(value: Any) -> msgpack.ExtType:
     raise TypeError(f"{type(value).__name__} is no part of an event")
 
 
-def decode_event(data: bytes) -> Any:
-    """Raises DecodeError for what is not one of our events."""
-    return _decoded(data, 0)
+def decode_event(data: bytes) -> Event:
+    """Raises DecodeError for what is not one of our events, field by field."""
+    event = _decoded(data, 0)
+    if type(event) not in _EVENTS:
+        raise DecodeError("journal", f"no event of a platform but {shown(event)}")
+    found: Event = event
+    return found
 
 
 def _decoded(data: bytes, depth: int) -> Any:
@@ -123,7 +131,7 @@ def _decoded(data: bytes, depth: int) -> Any:
             check_lengths(data)
         return msgpack.unpackb(data, ext_hook=lambda code, inner: _restored(code, inner, depth + 1))
     except (ValueError, TypeError, KeyError, IndexError, OverflowError, RecursionError) as malformed:
-        raise DecodeError("journal", repr(malformed)[:80]) from None
+        raise DecodeError("journal", f"no event: {malformed!s:.120}") from None
 
 
 def _restored(code: int, data: bytes, depth: int) -> Any:
@@ -134,7 +142,12 @@ def _restored(code: int, data: bytes, depth: int) -> Any:
     values = _decoded(data, depth)
     if type(values) is not list:
         raise ValueError("no list of fields")
-    return _KINDS[values[0]](*values[1:]) if code == _NAMED else tuple(values)
+    if code != _NAMED:
+        return tuple(values)
+    kind = _KINDS.get(values[0]) if values and isinstance(values[0], str) else None
+    if kind is None:
+        raise DecodeError("journal", f"no kind of event is called {shown(values[0] if values else None)}")
+    return made(kind, values[1:])
 
 
 def read_about(path: Path) -> Mapping[str, str]:
@@ -153,42 +166,71 @@ def read_about(path: Path) -> Mapping[str, str]:
 
 
 def read_journal(path: Path) -> Iterator[Entry]:
-    """Every entry, in the order in which the node saw them; up to the cut in a file that was cut off.
+    """Every entry, in the order in which the node saw them; up to the cut in a file that was cut off, and then what is unread.
 
     Raises:
-        DecodeError: it is not a journal.
+        DecodeError: it is not a journal, or a message of it is no entry, and which.
     """
     stepped: Stepped | None = None
-    for topic, now_us, data in _messages(path):
-        if topic == SHOWN and stepped is not None:
-            stepped = stepped._replace(shown=_numbers(data))
-        if topic not in {EVENT, TIME, LOST}:
+    for entry in _entries(path):
+        if isinstance(entry, _Shown):
+            stepped = None if stepped is None else stepped._replace(shown=entry.shown)
             continue
         if stepped is not None:
             yield stepped
-        stepped = None if topic == LOST else Stepped(now_us, decode_event(data) if topic == EVENT else None)
-        if topic == LOST:
-            yield Lost(now_us, sum(_numbers(data)))
+        stepped = entry if isinstance(entry, Stepped) else None
+        if stepped is None:
+            yield entry
     if stepped is not None:
         yield stepped
+
+
+class _Shown(NamedTuple):
+    """What the stopwatch showed in the step before."""
+
+    shown: tuple[int, ...]
+
+
+def _entries(path: Path) -> "Iterator[Entry | _Shown]":
+    topics: dict[int, str] = {}
+    number = 0
+    for record in _records(path):
+        if isinstance(record, Unread):
+            yield record
+        elif isinstance(record, Channel):
+            topics[record.id] = record.topic
+        elif isinstance(record, Message):
+            number += 1
+            topic = topics.get(record.channel_id, "")
+            try:
+                entry = _entry(topic, record.log_time // 1000, record.data)
+            except DecodeError as wrong:
+                cause = str(wrong).removeprefix("journal: ")
+                raise DecodeError("journal", f"{path}, message {number} ({topic}): {cause}; {REMEDY}") from None
+            if entry is not None:
+                yield entry
+
+
+def _entry(topic: str, now_us: int, data: bytes) -> "Entry | _Shown | None":
+    match topic:
+        case "event":
+            return Stepped(now_us, decode_event(data))
+        case "time":
+            return Stepped(now_us, None)
+        case "shown":
+            return _Shown(_numbers(data))
+        case "lost":
+            return Lost(now_us, sum(_numbers(data)))
+    return None
 
 
 def _numbers(data: bytes) -> tuple[int, ...]:
     """One whole number, or a list of some."""
     found = _decoded(data, MOST_DEPTH)
     numbers = tuple(found) if isinstance(found, list) else (found,)
-    if not all(type(number) is int for number in numbers):
-        raise DecodeError("journal", "whole numbers are expected")
+    if not all(type(number) is int and 0 <= number <= MAX_DURATION_US for number in numbers):
+        raise DecodeError("journal", f"whole numbers from 0 on are expected, got {shown(found)}")
     return numbers
-
-
-def _messages(path: Path) -> Iterator[tuple[str, int, bytes]]:
-    topics: dict[int, str] = {}
-    for record in _records(path):
-        if isinstance(record, Channel):
-            topics[record.id] = record.topic
-        elif isinstance(record, Message):
-            yield topics.get(record.channel_id, ""), record.log_time // 1000, record.data
 
 
 def _records(path: Path) -> Iterator[McapItem]:

@@ -1,14 +1,19 @@
 """Journals of our own nodes (.mcap) as recordings: what a vehicle reported to its platform, when it came there."""
 
-from collections.abc import Iterator
+from collections.abc import Iterator, Mapping
 from pathlib import Path
 
 from agents.effects import Reported
-from dyknow.model.errors import DecodeError, PolicyError
+from dyknow.model.errors import DecodeError
+from dyknow.model.instants import LATEST_US
 from federation.members.clock import FederationClock
 from navigation.vehicle import CommandResult, Report
-from proxies.recordings.journal_file import CLOCK_EPOCH, CLOCK_SPEED, Lost, Stepped, read_about, read_journal
+from proxies.recordings.journal_file import CLOCK_EPOCH, CLOCK_SPEED, REMEDY, Lost, Stepped, read_about, read_journal
+from proxies.recordings.mcap_records import Unread
 from proxies.recordings.recording import Recording
+
+SLOWEST, FASTEST = 1e-6, 1e3
+"""Speeds of a clock."""
 
 
 class JournalRecording(Recording):
@@ -19,11 +24,13 @@ class JournalRecording(Recording):
 
     def __init__(self, path: Path) -> None:
         super().__init__(path)
-        self._clock = _clock(path)
+        self._clock = recorded_clock(path, read_about(path))
 
     def reports(self) -> Iterator[tuple[int, Report]]:
         for entry in read_journal(self.path):
-            if isinstance(entry, Lost):
+            if isinstance(entry, Unread):
+                self.note(entry.offset, f"{entry.why}; {entry.size} bytes from there to the end are not read")
+            elif isinstance(entry, Lost):
                 self.note(0, f"{entry.entries} entries were lost while it was written")
             elif isinstance(entry, Stepped) and isinstance(entry.event, Reported):
                 report = entry.event.report
@@ -31,10 +38,16 @@ class JournalRecording(Recording):
                     yield self._clock.federation_us(entry.now_us), report
 
 
-def _clock(path: Path) -> FederationClock:
-    """The federation's clock, by which the reports are valid; entries have the node's."""
-    about = read_about(path)
+def recorded_clock(path: Path, about: Mapping[str, str]) -> FederationClock:
+    """The federation's clock, by which the reports are valid; entries have the node's.
+
+    Raises:
+        DecodeError: the journal does not tell it.
+    """
     try:
-        return FederationClock(int(about[CLOCK_EPOCH]), float(about[CLOCK_SPEED]))
-    except (KeyError, ValueError, PolicyError) as wrong:
-        raise DecodeError("recording", f"{path}: does not tell its federation's clock ({wrong})") from None
+        epoch_us, speed = int(about[CLOCK_EPOCH]), float(about[CLOCK_SPEED])
+    except (KeyError, ValueError) as wrong:
+        raise DecodeError("journal", f"{path}: does not tell its federation's clock ({wrong}); {REMEDY}") from None
+    if abs(epoch_us) > LATEST_US or not SLOWEST <= speed <= FASTEST:
+        raise DecodeError("journal", f"{path}: no clock has the epoch or the speed that it tells; {REMEDY}")
+    return FederationClock(epoch_us, speed)

@@ -17,6 +17,7 @@ from mcap.opcode import Opcode
 from mcap.records import Channel, Chunk, Header, Message, Metadata, Schema
 
 from dyknow.model.errors import DecodeError
+from proxies.files.named_files import opened_file
 
 MAGIC: Final = b"\x89MCAP0\r\n"
 LARGEST_CHUNK: Final = 4_000_000
@@ -40,11 +41,24 @@ class DataEnd(NamedTuple):
     """The data ended as their writer had it."""
 
 
-McapItem: TypeAlias = Header | Schema | Channel | Metadata | Message | DataEnd
+class Unread(NamedTuple):
+    """The file does not end as a writer ends it: `size` bytes from `offset` on are not read, and why."""
+
+    offset: int
+    size: int
+    why: str
+
+    def __str__(self) -> str:
+        return f"byte {self.offset}: {self.why}; {self.size} bytes from there to the end are not read"
+
+
+McapItem: TypeAlias = Header | Schema | Channel | Metadata | Message | DataEnd | Unread
 
 
 class McapRecords:
     """The records of one file, up to the cut in one that was cut off, and no further than the index at its end.
+
+    What a cut or a damage leaves is the last item, `Unread`.
 
     Args:
         what: what the file is to be, for messages: `journal`, `recording`.
@@ -59,19 +73,23 @@ class McapRecords:
         self._unpacked = self._channels = self._schemas = 0
 
     def __iter__(self) -> Iterator[McapItem]:
-        with self._path.open("rb") as stream:
+        with opened_file(self._path) as stream:
             size = os.fstat(stream.fileno()).st_size
             self._check_beginning(stream.read(len(MAGIC)))
-            while True:
-                offset = stream.tell()
+            while (offset := stream.tell()) < size:
                 head = stream.read(_HEAD.size)
                 if len(head) < _HEAD.size:
+                    yield Unread(offset, size - offset, "a record begins there and is cut off")
                     return
                 kind, length = _HEAD.unpack(head)
                 if kind in _ENDS:
                     yield DataEnd()
                     return
-                if length > size - offset - _HEAD.size:
+                if length > (rest := size - offset - _HEAD.size):
+                    why = (
+                        f"a record of {length} bytes begins where {rest} follow: it is cut off, or its length is wrong"
+                    )
+                    yield Unread(offset, size - offset, why)
                     return
                 if kind not in _OTHERS and kind not in {Opcode.CHUNK, Opcode.MESSAGE}:
                     stream.seek(length, os.SEEK_CUR)
@@ -80,6 +98,7 @@ class McapRecords:
                 try:
                     yield from self._read(kind, stream.read(length), offset)
                 except _DAMAGE:
+                    yield Unread(offset, size - offset, "the record there is damaged")
                     return
 
     def _check_beginning(self, magic: bytes) -> None:

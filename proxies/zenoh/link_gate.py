@@ -18,6 +18,7 @@ from dyknow.model.errors import RosterError
 from federation.security.tls import named_until
 from federation.security.trust import Roster
 from federation.transport import CertificateEnds, LinkClosed, RosterRead
+from proxies.files.named_files import bounded_text
 
 Post: TypeAlias = Callable[[LinkClosed | RosterRead | CertificateEnds], None]
 Address: TypeAlias = tuple[str, int]
@@ -80,8 +81,8 @@ class LinkGate:
         if stamp is None or stamp == self._stamp:
             return
         self._stamp = stamp
-        with contextlib.suppress(OSError, UnicodeDecodeError, RosterError):
-            text = self._path.read_text("utf-8")
+        with contextlib.suppress(OSError, RosterError):
+            text = bounded_text(self._path)
             roster = Roster.parse(text)
             if roster.is_successor_of(self.roster):
                 self.roster, self._admitted = roster, roster.admitted

@@ -6,7 +6,7 @@ from typing import Any
 
 from dyknow.model.errors import WrongCall
 from federation.messages.contents.areas import MAX_CORNERS
-from proxies.recordings.named_files import bounded_text
+from proxies.files.named_files import bounded_text
 
 
 def corners_of(file: str) -> tuple[str, ...]:
@@ -18,7 +18,9 @@ def corners_of(file: str) -> tuple[str, ...]:
     try:
         found = list(_polygons(json.loads(bounded_text(Path(file)))))
     except (OSError, TypeError, ValueError, RecursionError) as error:
-        raise WrongCall(f"area: {file} cannot be read as GeoJSON: {error}") from None
+        raise WrongCall(
+            f"area: {file} cannot be read as GeoJSON ({_why(error)}); it is a file with one Polygon."
+        ) from None
     if len(found) != 1:
         raise WrongCall(f"area: {file} has {len(found)} Polygons; a file with one is wanted.")
     [rings] = found
@@ -33,6 +35,12 @@ def corners_of(file: str) -> tuple[str, ...]:
     if not 3 <= len(corners) <= MAX_CORNERS:
         raise WrongCall(f"area: the Polygon of {file} has {len(corners)} corners; from 3 to {MAX_CORNERS} are wanted.")
     return tuple(f"{latitude:.7f} {longitude:.7f}" for latitude, longitude in corners)
+
+
+def _why(error: Exception) -> str:
+    return (
+        "it is nested too deep" if isinstance(error, RecursionError) else getattr(error, "strerror", None) or str(error)
+    )
 
 
 def _polygons(found: Any) -> Any:

@@ -5,8 +5,11 @@ from pathlib import Path
 
 from dyknow.model.errors import RosterError, WrongCall
 from federation.security.trust import Roster, RosterMember, Signer
+from proxies.files.named_files import bounded_bytes, bounded_text
 
 _OTHERS = 0o077
+LONGEST_FILE = 65_536
+"""Bytes of a key or a certificate."""
 
 
 def private_key(path: Path) -> bytes:
@@ -18,7 +21,7 @@ def private_key(path: Path) -> bytes:
     """
     _checked_mode(path)
     try:
-        seed = bytes.fromhex(path.read_text("ascii").strip())
+        seed = bytes.fromhex(bounded_text(path, LONGEST_FILE).strip())
     except ValueError as wrong:
         raise RosterError(f"{path}: {wrong}; a private key is 64 hexadecimal digits") from None
     Signer(seed, "")
@@ -55,7 +58,7 @@ def checked_certificate(member: RosterMember, certificate: Path) -> None:
     unit = member.unit
     remedy = f"make another one: dyknow roster revoke {unit}, dyknow roster add {unit}"
     try:
-        name, ends_us = named_until(certificate.read_bytes())
+        name, ends_us = named_until(bounded_bytes(certificate, LONGEST_FILE))
         _checked_mode(certificate.with_suffix(".key"))
     except OSError as error:
         raise WrongCall(f"{error.filename} cannot be read ({error.strerror}); {remedy}") from None

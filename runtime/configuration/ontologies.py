@@ -5,7 +5,7 @@ from pathlib import Path
 
 from dyknow.model.errors import WrongCall
 from federation.sharing.ontology import MAX_FILE, Ontology, default_ontology
-from proxies.recordings.named_files import bounded_text
+from proxies.files.named_files import bounded_text
 
 
 def ontology_of(extensions: Iterable[str] = (), file: Path | None = None) -> Ontology:
@@ -27,8 +27,6 @@ def ontology_of(extensions: Iterable[str] = (), file: Path | None = None) -> Ont
 def read_ontology(path: Path) -> str:
     """The text of a file of labels; raises WrongCall."""
     try:
-        if path.stat().st_size > 4 * MAX_FILE:
-            raise WrongCall(f"--ontology: {path} is larger than {MAX_FILE >> 10} kB, the most that is read; split it.")
         return bounded_text(path, 4 * MAX_FILE)
-    except (OSError, UnicodeDecodeError) as error:
-        raise WrongCall(f"--ontology: {path} cannot be read ({error}); an ontology is a TOML file.") from None
+    except OSError as error:
+        raise WrongCall(f"--ontology: {path} cannot be read ({error.strerror}); an ontology is a TOML file.") from None

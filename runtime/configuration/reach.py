@@ -9,8 +9,9 @@ from typing import NamedTuple
 
 from dyknow.model.errors import RosterError, WrongCall
 from federation.security.trust import Signer
+from proxies.files.named_files import bounded_bytes
 from runtime.configuration.config import TrustConfig, WireConfig
-from runtime.configuration.credentials import checked_certificate, checked_key, private_key
+from runtime.configuration.credentials import LONGEST_FILE, checked_certificate, checked_key, private_key
 from runtime.configuration.local_endpoints import dialled
 from runtime.configuration.run_directory import noted_state, read_state, run_directory
 from runtime.configuration.session import INSECURE_WIRE, host_of, read_roster
@@ -98,7 +99,7 @@ def _checked_certificate(settings: Settings, security: Path, unit: str, listen: 
         return
     from federation.security.tls import hosts_of
 
-    hosts = hosts_of(certificate.read_bytes())
+    hosts = hosts_of(bounded_bytes(certificate, LONGEST_FILE))
     for host in asked:
         if host not in hosts:
             raise WrongCall(

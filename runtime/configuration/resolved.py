@@ -1,12 +1,16 @@
 """What a platform's configuration comes to, with the files it names read."""
 
+from pathlib import Path
+
 from agents.config import PlatformConfig
 from agents.extensions import load_extension
 from compunits import catalogue
+from dyknow.model.errors import WrongCall
 from federation.members.clock import FederationClock
+from federation.sharing.ontology import Ontology
 from federation.sharing.translation import Translation
-from proxies.recordings.named_files import bounded_text
-from reasoning import builtin_profiles, parse_profiles
+from proxies.files.named_files import bounded_text
+from reasoning import Profile, builtin_profiles, parse_profiles
 from runtime.configuration.config import NodeConfig
 from runtime.configuration.ontologies import ontology_of
 from runtime.configuration.road_files import read_roads
@@ -14,20 +18,35 @@ from runtime.configuration.session import load_trust
 from runtime.learnt.files import LearntFiles
 
 
+def read_translation(ontology: Ontology, file: Path) -> Translation:
+    """A platform's own labels and units; raises WrongCall and TextError."""
+    return Translation.parse(ontology, _text(file, "translation"), str(file))
+
+
+def read_profiles(file: Path) -> dict[str, Profile]:
+    """Profiles of monitors; raises WrongCall and TextError."""
+    return parse_profiles(_text(file, "profiles"), str(file))
+
+
+def _text(file: Path, option: str) -> str:
+    try:
+        return bounded_text(file)
+    except OSError as wrong:
+        raise WrongCall(f"{option}: {file} cannot be read ({wrong.strerror}); it is a TOML file.") from None
+
+
 def platform_config(config: NodeConfig, clock: FederationClock, started_us: int, zid: str) -> PlatformConfig:
     """What the platform is to know, files read.
 
     Raises:
-        TextError, RosterError, RoadsError: a file is wrong, and where.
+        TextError, RosterError, RoadsError, WrongCall: a file is wrong, and where.
         UnitError: an extension does not load.
     """
     ontology = ontology_of(config.extensions, config.ontology)
-    translation = None
-    if config.translation is not None:
-        translation = Translation.parse(ontology, bounded_text(config.translation), str(config.translation))
+    translation = None if config.translation is None else read_translation(ontology, config.translation)
     profiles = dict(builtin_profiles())
     if config.profiles is not None:
-        profiles |= parse_profiles(bounded_text(config.profiles), str(config.profiles))
+        profiles |= read_profiles(config.profiles)
     return PlatformConfig(
         unit=config.unit,
         boot=started_us // 1000,

@@ -1,11 +1,13 @@
 """Files of road networks, as options and settings name them."""
 
+import os
 from pathlib import Path
 
 from anchoring.roads.network import RoadNetwork
 from dyknow.model.errors import WrongCall
 from kpl.linking.roads import APART_M
 from navigation.cameras.rig import CameraRig
+from proxies.files.named_files import opened_file
 
 
 def read_bytes(file: Path, option: str) -> bytes:
@@ -13,12 +15,18 @@ def read_bytes(file: Path, option: str) -> bytes:
     from anchoring.roads.files.problems import MOST_BYTES
 
     try:
-        with file.open("rb") as text:
-            return text.read(MOST_BYTES + 1)
+        with opened_file(file) as text:
+            size = os.fstat(text.fileno()).st_size
+            found = b"" if size > MOST_BYTES else text.read(MOST_BYTES + 1)
     except OSError as error:
         raise WrongCall(
             f"{option}: {file} cannot be read ({error.strerror}); roads are a file of GeoJSON, OpenStreetMap or SUMO."
         ) from None
+    if size > MOST_BYTES:
+        raise WrongCall(
+            f"{option}: {file} is longer than {MOST_BYTES >> 20} MB, the most that is read; cut the network."
+        )
+    return found
 
 
 def read_roads(file: Path) -> RoadNetwork:

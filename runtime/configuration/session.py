@@ -8,7 +8,7 @@ from typing import NamedTuple
 
 from dyknow.model.errors import RosterError
 from federation.security.trust import Roster, Trust
-from proxies.recordings.named_files import bounded_text
+from proxies.files.named_files import bounded_text
 from proxies.zenoh.configuration import LOOPBACK, ZenohOptions
 from runtime.accepted_acts import read_accepted
 from runtime.configuration.config import TrustConfig, WireConfig

@@ -8,7 +8,7 @@ from pydantic import BaseModel, ValidationError
 
 from dyknow.model.errors import WrongCall, did_you_mean
 from dyknow.model.toml_texts import tables_of
-from proxies.recordings.named_files import bounded_text
+from proxies.files.named_files import bounded_text
 
 M = TypeVar("M", bound=BaseModel)
 MOST_MISTAKES: Final = 50
@@ -20,9 +20,7 @@ def read_toml(path: Path) -> dict[str, Any]:
     try:
         text = bounded_text(path)
     except OSError as error:
-        raise WrongCall(f"{path}: cannot be read ({error.strerror}); check the path and its rights.") from None
-    except UnicodeDecodeError:
-        raise WrongCall(f"{path}: is not UTF-8 text; a federation or configuration is a TOML file.") from None
+        raise WrongCall(f"{path}: cannot be read ({error.strerror}); it is a TOML file.") from None
     try:
         return tables_of(text)
     except (ValueError, RecursionError) as error:

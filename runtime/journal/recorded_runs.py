@@ -2,7 +2,7 @@
 same effects.
 """
 
-from collections.abc import Iterator, Sequence
+from collections.abc import Callable, Iterator, Sequence
 from dataclasses import replace
 from functools import partial
 from itertools import chain
@@ -15,9 +15,21 @@ from agents.flight.flight import FlightAgent
 from agents.flight.vehicle_streams import ESTIMATE
 from agents.platform import Platform
 from dyknow import Policy, Predicted, Quality, Sample, of_json
-from dyknow.model.errors import DecodeError
+from dyknow.model.errors import DecodeError, WrongCall
 from federation.members.clock import FederationClock
-from proxies.recordings.journal_file import CLOCK_EPOCH, CLOCK_SPEED, STOPWATCH, Lost, Stepped, read_about, read_journal
+from federation.messages.contents.parts import in_words
+from proxies.recordings.journal_file import (
+    CLOCK_EPOCH,
+    CLOCK_SPEED,
+    REMEDY,
+    STOPWATCH,
+    Lost,
+    Stepped,
+    read_about,
+    read_journal,
+)
+from proxies.recordings.mcap_log import recorded_clock
+from proxies.recordings.mcap_records import Unread
 from runtime.clock import ReplayedStopwatch, Stopwatch
 from runtime.configuration.config import NodeConfig
 from runtime.configuration.resolved import platform_config
@@ -44,21 +56,35 @@ def journalled(platform: Platform, journal: Journal, stopwatch: Stopwatch) -> Jo
     return Journalled(platform, journal, stopwatch)
 
 
-def recorded_streams(path: Path, units: Sequence[str] = ()) -> dict[str, list[Sample]]:
-    """The samples of each declared stream, by available time; `units` are modules that the specification needs.
+def recorded_streams(
+    path: Path,
+    units: Sequence[str] = (),
+    extensions: Sequence[str] = (),
+    *,
+    on_unread: Callable[[Unread], None] = lambda _unread: None,
+) -> dict[str, list[Sample]]:
+    """The samples of each declared stream, by available time; `on_unread` gets what a journal that was cut off leaves.
+
+    The code of units and extensions is run as the caller names it, and never as the journal does: that may come from anyone.
 
     Raises:
+        WrongCall: the platform had units or extensions that are not named.
         DecodeError: it is not a journal, or entries were lost, so that the streams are unknown.
         DyknowError: what the platform's configuration names can no longer be read.
     """
     said = read_about(path)
     try:
         config = NodeConfig.model_validate_json(said["config"])
-        clock = FederationClock(int(said[CLOCK_EPOCH]), float(said[CLOCK_SPEED]))
-    except (KeyError, ValueError, ValidationError) as wrong:
-        raise DecodeError("journal", f"{path} does not say what it is of: {wrong}") from None
-    config = config.model_copy(update={"units": tuple(units) or config.units})
-    entries = _complete(path)
+    except KeyError:
+        raise DecodeError("journal", f"{path} does not say what it is of; {REMEDY}") from None
+    except ValidationError as wrong:
+        why = in_words(wrong)
+        raise DecodeError("journal", f"{path} does not say what it is of: {why}; {REMEDY}") from None
+    clock = recorded_clock(path, said)
+    _check_named(path, "--units", config.units, units)
+    _check_named(path, "--extension", config.extensions, extensions)
+    config = config.model_copy(update={"units": tuple(units), "extensions": tuple(extensions)})
+    entries = _complete(path, on_unread)
     first = next(entries, None)
     if first is None:
         return {}
@@ -79,9 +105,18 @@ def recorded_streams(path: Path, units: Sequence[str] = ()) -> dict[str, list[Sa
     return streams
 
 
-def _complete(path: Path) -> Iterator[Stepped]:
+def _check_named(path: Path, option: str, recorded: Sequence[str], named: Sequence[str]) -> None:
+    if recorded and not named:
+        options = " ".join(f"{option} {name}" for name in recorded)
+        raise WrongCall(f"{path}: its platform ran code that is not run unasked; give {options}, if you trust it.")
+
+
+def _complete(path: Path, on_unread: Callable[[Unread], None]) -> Iterator[Stepped]:
     """The entries of a journal that lost none."""
     for entry in read_journal(path):
         if isinstance(entry, Lost):
             raise DecodeError("journal", f"{path}: {entry.entries} entries were lost; their effects are unknown")
-        yield entry
+        if isinstance(entry, Unread):
+            on_unread(entry)
+        else:
+            yield entry

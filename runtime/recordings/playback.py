@@ -13,7 +13,7 @@ from pydantic import ValidationError
 
 from agents.playback.recorded_platform import OffersPlayed, Played, PlayedAct, PlayedSample
 from dyknow import NO_VALUE, SURE, Predicted, Quality, Value, of_json
-from dyknow.model.errors import TextError
+from dyknow.model.errors import DecodeError, TextError
 from dyknow.model.instants import US_PER_S
 from dyknow.model.semantic_labels import SemanticLabel
 from federation.messages.acts import parse_act
@@ -196,7 +196,7 @@ class Playback:
         post: takes events for the platform; must not block.
         now_us: federation time; `node_us` the node clock.
         speed: how much faster federation time runs than the waiting.
-        on_end: called once, from the thread, when all is played.
+        on_end: called once, from the thread, with what could not be read of the recording, or an empty text.
     """
 
     def __init__(
@@ -208,7 +208,7 @@ class Playback:
         node_us: Callable[[], int],
         *,
         speed: float = 1.0,
-        on_end: Callable[[], None] = lambda: None,
+        on_end: Callable[[str], None] = lambda _problem: None,
     ) -> None:
         self._recording, self._unit, self._played = FederationRecording(played.file), unit, played
         self._post, self._now_us, self._node_us, self._speed = post, now_us, node_us, speed
@@ -226,6 +226,7 @@ class Playback:
 
     def _run(self) -> None:
         together: list[PlayedSample | PlayedAct | AlarmEvent] = []
+        problem = ""
         try:
             for at_us, what in schedule(self._recording, self._unit, self._played):
                 left_us = at_us - self._now_us()
@@ -240,9 +241,13 @@ class Playback:
                 else:
                     together.append(what)
             self._play(together)
+            problem = self._recording.unread_text
+        except DecodeError as damage:
+            self._play(together)
+            problem = str(damage)
         finally:
             if not self._stopping.is_set():
-                self._on_end()
+                self._on_end(problem)
 
     def _play(self, together: list[PlayedSample | PlayedAct | AlarmEvent]) -> None:
         if together:

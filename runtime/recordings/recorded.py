@@ -11,7 +11,7 @@ from typing import Any, Final, NamedTuple
 from mcap.records import Channel, Header, Message, Metadata, Schema
 
 from dyknow.model.errors import DecodeError, WrongCall
-from proxies.recordings.mcap_records import LARGEST_CHUNK, DataEnd, McapItem, McapRecords
+from proxies.recordings.mcap_records import LARGEST_CHUNK, DataEnd, McapItem, McapRecords, Unread
 from runtime.recordings.recording_file import ABOUT, LONGEST_MESSAGE, PROFILE
 
 REMEDY: Final = "dyknow record FILE.mcap makes one"
@@ -33,6 +33,7 @@ class FederationRecording:
         about: whose it is: federation, clock, since when.
         is_whole: whether the last reading came to the end that its writer made.
         skipped: messages of the last reading that are none of ours.
+        unread: what the last reading left, since the file is cut off or damaged.
 
     Raises:
         WrongCall: there is no such file.
@@ -43,6 +44,7 @@ class FederationRecording:
         if not path.is_file():
             raise WrongCall(f"there is no file {path}; check the path.")
         self.path, self.is_whole, self.skipped = path, False, 0
+        self.unread: Unread | None = None
         self.about: Mapping[str, str] = self._read_about()
 
     def _read_about(self) -> Mapping[str, str]:
@@ -77,12 +79,20 @@ class FederationRecording:
                 else:
                     yield RecordedMessage(record.log_time // 1000, topic, schema, message)
 
+    @property
+    def unread_text(self) -> str:
+        """What the last reading left, in words; empty if that is nothing."""
+        return "" if self.unread is None else f"{self.path}, {self.unread}"
+
     def _records(self) -> Iterator[McapItem]:
         """The records before the index at the end; raises DecodeError where there is more in it than is read."""
-        self.is_whole = False
+        self.is_whole, self.unread = False, None
         for record in McapRecords(self.path, "recording", REMEDY):
             if isinstance(record, DataEnd):
                 self.is_whole = True
+                return
+            if isinstance(record, Unread):
+                self.unread = record
                 return
             yield record
 

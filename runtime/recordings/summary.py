@@ -111,12 +111,14 @@ class RecordingSummary:
         monitors: which there were, by name, platform and units.
         unknown: how often each monitor became unknown, by its name, platform and units.
         lost: messages that the recorder did not keep, by platform.
+        unread: where the file is cut off or damaged, and how much of it is not read, in words.
     """
 
     about: Mapping[str, str]
     first_us: int = 0
     last_us: int = 0
     is_whole: bool = False
+    unread: str = ""
     skipped: int = 0
     kinds: Counter[str] = field(default_factory=Counter)
     platforms: dict[str, str] = field(default_factory=dict)
@@ -140,7 +142,7 @@ def summary_of(recording: FederationRecording) -> RecordingSummary:
         if not _took(found, each):
             found.skipped += 1
     found.skipped += recording.skipped
-    found.is_whole = recording.is_whole
+    found.is_whole, found.unread = recording.is_whole, recording.unread_text
     for stream in found.streams.values():
         stream.close()
     return found

@@ -23,6 +23,7 @@ from dyknow.model.errors import RosterError, WrongCall
 from federation.keys import unit as unit_name
 from federation.security.tls import Paths, authority_certificate, platform_certificate, tls_key, zenoh_security_config
 from federation.security.trust import KEY_BYTES, Role, Roster, RosterMember, Signer
+from proxies.files.named_files import bounded_text
 from runtime.configuration.reach import COMMAND_CENTRE, roster_folder
 
 DEFAULT_FILE = Path("roster.toml")
@@ -108,7 +109,7 @@ def _path(call: Call) -> Path:
 def _read(path: Path, to_change: Call | None = None) -> Roster:
     """The roster; one that is to be changed names its federation, which is not another one than is asked for."""
     try:
-        roster = Roster.parse(path.read_text(encoding="utf-8"))
+        roster = Roster.parse(bounded_text(path))
         if to_change is not None and "federation" in to_change.settings.model_fields_set:
             roster.check_federation(to_change.settings.federation)
     except OSError as error:

@@ -5,6 +5,7 @@ from pathlib import Path
 
 from console.commands.texts.specification_files import STANDARD_INPUT
 from dyknow.model.errors import WrongCall
+from proxies.files.named_files import opened_file
 
 
 def read_document(path: Path) -> tuple[bytes, str]:
@@ -17,7 +18,7 @@ def read_document(path: Path) -> tuple[bytes, str]:
     if str(path) == STANDARD_INPUT:
         return sys.stdin.buffer.read(LONGEST + 1), "standard input"
     try:
-        with path.open("rb") as file:
+        with opened_file(path) as file:
             return file.read(LONGEST + 1), str(path)
     except OSError as error:
         raise WrongCall(

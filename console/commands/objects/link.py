@@ -11,7 +11,7 @@ from console.commands.texts.specification_files import STANDARD_INPUT, read_text
 from console.errors import DONE, WRONG
 from console.options.arguments import UnitModules
 from dyknow.model.errors import TextError, WrongCall
-from proxies.recordings.named_files import beside
+from proxies.files.named_files import beside
 from runtime.configuration.road_files import read_bytes
 
 if TYPE_CHECKING:
@@ -21,7 +21,7 @@ if TYPE_CHECKING:
     from kpl.linking.wants import Wanted
     from navigation import LocalFrame
 
-_MOST_NOTES = 20
+_MOST_NOTES, _MOST_LEFT_OUT = 20, 10_000
 
 
 @command(example="dyknow link --percepts percepts.jsonl --roads town.geojson")
@@ -157,7 +157,7 @@ def _network(call: Call, file: Path) -> "RoadNetwork":
 
 
 class LeftOutLines:
-    """Lines that were left out: the first are reported, the others counted."""
+    """Lines that were left out: the first are reported, the others counted, and a file of them is refused."""
 
     def __init__(self, call: Call) -> None:
         self._out, self._count = call.out, 0
@@ -166,6 +166,10 @@ class LeftOutLines:
         self._count += 1
         if self._count <= _MOST_NOTES:
             self._out.note(f"left out: {error}", style="yellow")
+        if self._count > _MOST_LEFT_OUT:
+            raise WrongCall(
+                f"{error.file}:{error.line}: more than {_MOST_LEFT_OUT} lines are wrong, the rest is not read; is it the right file?"
+            )
 
     def end(self, file: str) -> int:
         if self._count > _MOST_NOTES:

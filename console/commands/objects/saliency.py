@@ -36,10 +36,13 @@ def saliency(
     Every platform has the entries of all others in its map; --unit shows that of one. Entries that platforms
     have refused are counted on standard error, with the member that sent them and the reason.
     """
+    boxes = None if supplies is None else read_text(supplies)
+    if boxes is not None:
+        supply_goals((), boxes)  # before platforms are asked
     with connected(call) as client:
         picture = client.run(saliency_map(client, unit))
-        if supplies is not None:
-            goals = supply_goals(picture.persons, read_text(supplies))
+        if boxes is not None:
+            goals = supply_goals(picture.persons, boxes)
             call.out.plain(goals.text)
             for name in goals.unsupplied:
                 call.out.note(f"there is no box for {name}", style="yellow")

@@ -22,6 +22,7 @@ from dyknow.model.errors import WrongCall
 from runtime.configuration.instants import SHORTEST_US, duration_us
 
 if TYPE_CHECKING:
+    from console.web.feeds import RecordedFeed
     from console.web.joining import PageMember
     from runtime.client import Client
 
@@ -118,10 +119,17 @@ def _show_recording(
 
     feed = RecordedFeed(FederationRecording(file), place)
     _told(call, access, listener, f"recording {file}")
-    threading.Thread(target=feed.load, name="recording", daemon=True).start()
+    threading.Thread(target=_load, args=(call, feed), name="recording", daemon=True).start()
     server = PageServer(access, lambda: RecordingViewer(feed, time.monotonic), None, tiles)
     _serve(server.app, access, listener)
     return DONE
+
+
+def _load(call: Call, feed: "RecordedFeed") -> None:
+    """Read the recording, and note what of it cannot be read; the page shows the rest."""
+    problem = feed.load()
+    if problem:
+        call.out.note(f"{problem}.", style="yellow")
 
 
 def _show_federation(

@@ -107,15 +107,21 @@ def _show_missing(call: Call, found: RecordingSummary) -> None:
     """What the recording lacks, in words: each loss is counted and shown."""
     if not found.is_whole:
         call.out.note(
-            "it was cut off, as by a crash: all up to its last half second is there; --mended NEW.mcap gives it an index.",
-            style="yellow",
+            "it was not ended, as by a crash; --mended NEW.mcap gives what can be read an index.", style="yellow"
         )
+    tell_unread(call, found.unread)
     for unit, messages in sorted(found.lost.items()):
         call.out.note(f"{counted(messages, 'message')} of platform {unit} were not kept: too many.", style="yellow")
     if found.skipped:
         call.out.note(
             f"{counted(found.skipped, 'message')} in it are of another form, and are left out.", style="yellow"
         )
+
+
+def tell_unread(call: Call, unread: str) -> None:
+    """Note what of a recording was not read, if anything."""
+    if unread:
+        call.out.note(f"{unread}.", style="yellow")
 
 
 def _times(number: int) -> str:
@@ -133,6 +139,7 @@ def _json(file: Path, found: RecordingSummary) -> dict[str, Any]:
         "from_us": found.first_us,
         "to_us": found.last_us,
         "whole": found.is_whole,
+        "unread": found.unread or None,
         "platforms": dict(found.platforms),
         "streams": [
             {

@@ -7,6 +7,7 @@ from typing import Annotated
 import typer
 
 from console.command import Call, command
+from console.commands.recordings.info import tell_unread
 from console.errors import DONE
 from console.options.arguments import Unit
 from console.output.output import counted
@@ -43,7 +44,7 @@ def plot(
     for label in labels:
         check_name(label)
     if recording is not None:
-        drawn, points = _from_recording(FederationRecording(recording), labels, unit, between)
+        drawn, points = _from_recording(call, FederationRecording(recording), labels, unit, between)
     else:
         drawn, points = _from_platforms(call, labels, unit, between)
     if len(drawn.panels) > MOST_PANELS:
@@ -58,11 +59,12 @@ def plot(
 
 
 def _from_recording(
-    recording: FederationRecording, labels: Sequence[str], unit: str | None, between: tuple[str, str]
+    call: Call, recording: FederationRecording, labels: Sequence[str], unit: str | None, between: tuple[str, str]
 ) -> tuple[Plot, int]:
     found = summary_of(recording)
     from_us, to_us = _instants(found, between)
     points = [*recorded_points(recording, labels, unit, from_us, to_us)]
+    tell_unread(call, found.unread)
     _check(labels, {point.label for point in points}, {label for _, label in found.streams}, recording.path)
     bands: list[Band] = recorded_bands(recording, unit, from_us, to_us)
     return stream_plot(f"{', '.join(labels)}: {recording.path.name}", points, bands), len(points)

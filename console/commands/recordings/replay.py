@@ -9,7 +9,7 @@ import typer
 from console.command import Call, command
 from console.commands.fleet.join import fits_in
 from console.commands.fleet.up import READY_S, FleetStart
-from console.commands.recordings.info import Recording
+from console.commands.recordings.info import Recording, tell_unread
 from console.errors import DONE, INTERRUPTED
 from console.options.arguments import Speed
 from console.output.output import counted, unit_json
@@ -50,6 +50,7 @@ def replay(
     """Bring a recorded federation back: platforms of the same names, with their streams and alarms."""
     from_us = duration_us(from_, option="--from")
     found = summary_of(FederationRecording(file))
+    tell_unread(call, found.unread)
     units = _units(file, found)
     if from_us > found.last_us - found.first_us:
         raise WrongCall(f"--from: {file} is {print_span(found.last_us - found.first_us)} long; begin before that.")

@@ -1,19 +1,19 @@
 """`dyknow chronicle`: chronicles recognised in a recorded list of events, or over the live streams of a platform."""
 
 import time
-from functools import partial as given
+from collections.abc import Iterator
 from pathlib import Path
-from typing import TYPE_CHECKING, Annotated, TextIO
+from typing import TYPE_CHECKING, Annotated
 
 import typer
 
 from console.command import Call, command
-from console.commands.texts.specification_files import opened
+from console.commands.texts.specification_files import opened, read_text
 from console.errors import DONE, NO
 from console.options.arguments import Unit
 from console.output.output import unit_json
 from console.output.shown import line, styled
-from dyknow.model.errors import ChronicleError, SourceText, TextError, WrongCall, did_you_mean
+from dyknow.model.errors import ChronicleError, TextError, WrongCall, did_you_mean
 from runtime.configuration.instants import SHORTEST_US, clock_time, duration_us
 
 if TYPE_CHECKING:
@@ -22,7 +22,6 @@ if TYPE_CHECKING:
     from reasoning.chronicles.recognition.events import RecordedEvent
 
 _MOST_ROWS = 10_000
-_LONGEST = 1024 * 1024
 _STEP_S = 0.2
 
 
@@ -66,9 +65,8 @@ def chronicles_of(file: Path) -> "tuple[str, ChronicleFile]":
     """The text, and what it declares; raises WrongCall and TextErrors."""
     from kpl import parse_chronicles
 
-    with opened(file, "FILE", "chronicles are a text") as lines:
-        text = lines.read(_LONGEST)
-    found = parse_chronicles(SourceText(text, str(file)))
+    text = read_text(file)
+    found = parse_chronicles(text)
     if not found.chronicles:
         raise TextError("there is no chronicle", file=str(file), repair="chronicle name[?x] { event(...) }")
     return text, found
@@ -97,12 +95,10 @@ class _Recognition:
         self._jumped: tuple[int, str] | None = None
         self._ignored, self._ignored_line = 0, 0
 
-    def all(self, lines: TextIO) -> None:
+    def all(self, lines: Iterator[str]) -> None:
         from reasoning.chronicles.recognition.events import read_events
-        from reasoning.monitoring.json_lines import LIMIT_LINE
 
-        pieces = iter(given(lines.readline, LIMIT_LINE + 2), "")
-        for event in read_events(pieces, self._file):
+        for event in read_events(lines, self._file):
             for instance in event.told_to(self._recogniser):
                 self._tell(instance)
             self._watch(event)

@@ -12,7 +12,7 @@ from console.errors import DONE
 from console.output.output import unit_json
 from console.output.shown import line, styled
 from dyknow.model.errors import SourceText, WrongCall
-from proxies.recordings.named_files import beside
+from proxies.files.named_files import beside
 
 if TYPE_CHECKING:
     from federation.messages.contents import Content, NamedText, SpecificationChanged

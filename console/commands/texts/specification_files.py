@@ -4,10 +4,10 @@ import sys
 from collections.abc import Callable, Iterable, Iterator
 from contextlib import contextmanager
 from pathlib import Path
-from typing import TYPE_CHECKING, TextIO, TypeVar
+from typing import TYPE_CHECKING, BinaryIO, TypeVar
 
 from dyknow.model.errors import SourceText, WrongCall
-from proxies.recordings.named_files import bounded_text
+from proxies.files.named_files import bounded_text, opened_file, text_lines
 
 if TYPE_CHECKING:
     from dyknow import Network, Prototype
@@ -23,11 +23,9 @@ STANDARD_INPUT = "-"
 def read_text(path: Path) -> SourceText:
     """A specification as it is written; raises WrongCall."""
     try:
-        if path.stat().st_size > LONGEST_FILE:
-            raise WrongCall(f"{path} is larger than {LONGEST_FILE >> 10} kB, the most that is read; split it.")
         return SourceText(bounded_text(path, LONGEST_FILE), str(path))
-    except (OSError, UnicodeDecodeError) as error:
-        raise WrongCall(f"{path} cannot be read ({error}); a specification is a text file.") from None
+    except OSError as error:
+        raise WrongCall(f"{path} cannot be read ({error.strerror}); it is a text file.") from None
 
 
 def read_lines(path: Path, read: "Callable[[Iterable[str], str], Read]", option: str, what: str) -> "Read":
@@ -37,38 +35,43 @@ def read_lines(path: Path, read: "Callable[[Iterable[str], str], Read]", option:
         WrongCall: it cannot be read; `option` named it, and `what` says what it should be.
         TextErrors: from `read`.
     """
-    try:
-        with path.open(encoding="utf-8") as lines:
-            return read(lines, str(path))
-    except (OSError, UnicodeDecodeError) as error:
-        raise WrongCall(f"{option}: {path} cannot be read ({error}); {what}.") from None
+    with opened(path, option, what) as lines:
+        return read(lines, str(path))
 
 
 @contextmanager
-def opened(path: Path, option: str, what: str) -> Iterator[TextIO]:
-    """The file, read line by line; raises WrongCall where it cannot be read: `option` named it, `what` says what it is."""
-    try:
-        file = path.open(encoding="utf-8")
-    except OSError as error:
-        raise WrongCall(f"{option}: {path} cannot be read ({error.strerror}); {what}.") from None
-    with file:
+def opened(path: Path, option: str, what: str) -> Iterator[Iterator[str]]:
+    """The lines of a file, one by one; raises WrongCall where it cannot be read: `option` named it, `what` says what it is."""
+    from reasoning.monitoring.json_lines import LIMIT_LINE
+
+    def unreadable(error: OSError) -> WrongCall:
+        return WrongCall(f"{option}: {path} cannot be read ({error.strerror}); {what}.")
+
+    def lines(file: BinaryIO) -> Iterator[str]:
         try:
-            yield file
-        except UnicodeDecodeError as error:
-            raise WrongCall(f"{option}: {path} is no UTF-8 text ({error.reason}); {what}.") from None
+            yield from text_lines(file, LIMIT_LINE)
+        except OSError as error:
+            raise unreadable(error) from None
+
+    try:
+        opened = opened_file(path)
+    except OSError as error:
+        raise unreadable(error) from None
+    with opened:
+        yield lines(opened)
 
 
 @contextmanager
 def recorded_lines(path: Path, option: str, what: str) -> Iterator[Iterator[bytes]]:
     """The lines of a file, or of standard input if that is called `-`, one by one; raises WrongCall as `opened`."""
-    from proxies.recordings.piped_lines import limited_lines
+    from proxies.files.piped_lines import limited_lines
     from reasoning.monitoring.json_lines import LIMIT_LINE
 
     if str(path) == STANDARD_INPUT:
         yield limited_lines(sys.stdin.buffer, LIMIT_LINE)
         return
     try:
-        file = path.open("rb")
+        file = opened_file(path)
     except OSError as error:
         raise WrongCall(f"{option}: {path} cannot be read ({error.strerror}); {what}.") from None
     with file:
@@ -88,7 +91,7 @@ def check_specified(own: "UnitFile") -> None:
 
     if own.spec is not None:
         from kpl import parse_specification
-        from proxies.recordings.named_files import beside
+        from proxies.files.named_files import beside
 
         parse_specification(read_text(own.spec), beside(own.spec))
     elif own.feed is not None:

@@ -20,8 +20,8 @@ from console.options.arguments import Admit, Duration, Feed, Govern, Roads, Spec
 from console.output.shown import line, styled
 from dyknow import earlier
 from dyknow.model.errors import DyknowError, TextErrors, WrongCall
-from proxies.recordings.named_files import beside
-from proxies.recordings.watched_file import WatchedFiles
+from proxies.files.named_files import beside
+from proxies.files.watched_file import WatchedFiles
 from runtime.configuration.instants import SHORTEST_US, duration_us
 
 if TYPE_CHECKING:

@@ -15,7 +15,7 @@ from console.options.arguments import Roads, UnitModules
 from console.output.output import counted
 from console.output.shown import line, styled
 from dyknow.model.errors import NothingFound, TextError, TextErrors, WrongCall
-from proxies.recordings.named_files import beside
+from proxies.files.named_files import beside
 
 if TYPE_CHECKING:
     from kpl import Specification

@@ -13,7 +13,7 @@ from console.options.arguments import SpecificationFile, UnitModules
 from console.output.output import counted
 from console.output.shown import line, styled
 from dyknow.model.errors import WrongCall
-from proxies.recordings.named_files import beside
+from proxies.files.named_files import beside
 
 if TYPE_CHECKING:
     from dyknow import Network, Sample
@@ -46,7 +46,7 @@ def verify(
             raise WrongCall(
                 f"{path} has times relative to its declaration, which a journal does not tell; write instants."
             )
-        streams = _of_platform(journal, units)
+        streams = _of_platform(call, journal, units)
         found = broken_streams(specification, streams)
     else:
         about, recorded = read_lines(journal, read_record, "--journal", "`kpl run --record FILE` makes one")
@@ -81,11 +81,14 @@ def verify(
     return NO if found else DONE
 
 
-def _of_platform(journal: Path, units: Sequence[str]) -> "dict[str, list[Sample]]":
+def _of_platform(call: Call, journal: Path, units: Sequence[str]) -> "dict[str, list[Sample]]":
     """The streams of a platform, from its journal: their constraints can be looked at, not what they are made of."""
     from runtime.journal.recorded_runs import recorded_streams
 
+    def tell(unread: object) -> None:
+        call.out.note(f"{journal}, {unread}.", style="yellow")
+
     try:
-        return recorded_streams(journal, units)
+        return recorded_streams(journal, units, call.settings.extensions, on_unread=tell)
     except OSError as error:
         raise WrongCall(f"--journal: {journal} cannot be read ({error}).") from None

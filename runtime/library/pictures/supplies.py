@@ -4,14 +4,14 @@ import re
 from collections.abc import Sequence
 from typing import Final, NamedTuple
 
-from dyknow.model.errors import WrongCall
+from dyknow.model.errors import WrongCall, file_of
 from runtime.library.pictures.saliency import FoundPerson
 
 STANDOFF_M: Final = 3.0
 """A box is put down so far to the south of a person."""
 WEIGHT: Final = 1000
 """Of each goal: one that cannot be reached, as its box hangs on a UAV that is gone, is left aside, and the others are reached."""
-_OBJECTS = re.compile(r"#objects\s+box\s*=\s*([A-Za-z_-]+)(\d+)\s*\.\.\s*\1(\d+)")
+_OBJECTS = re.compile(r"#objects\s+box\s*=\s*([A-Za-z_-]+)(\d{1,9})\s*\.\.\s*\1(\d{1,9})(?!\d)")
 _PLACES = re.compile(r"xpos\((\w+)\) := ([-\d.]+), ypos\(\1\) := ([-\d.]+)")
 MOST_BOXES: Final = 200
 
@@ -41,7 +41,8 @@ def supply_goals(persons: Sequence[FoundPerson], problem: str) -> SupplyGoals:
     """
     match = _OBJECTS.search(problem)
     if match is None or not 0 <= int(match[3]) - int(match[2]) < MOST_BOXES:
-        raise WrongCall("the problem names no boxes; write #objects box = b1 .. b11")
+        place = f"{file}: " if (file := file_of(problem)) else ""
+        raise WrongCall(f"{place}the problem names no boxes; write #objects box = b1 .. b11")
     boxes = [f"{match[1]}{number}" for number in range(int(match[2]), int(match[3]) + 1)]
     ordered = sorted(persons, key=lambda each: (-len(each.by), -each.observed_s, each.name))
     pairs = list(zip(boxes, ordered, strict=False))

@@ -1,7 +1,6 @@
 """Positions to places on roads: the nearest lane, headings, crossings, hysteresis."""
 
 import math
-import pickle
 from itertools import pairwise
 
 import pytest
@@ -120,12 +119,6 @@ def test_what_is_off_the_roads_or_no_position_has_no_place(at: tuple[float, floa
 def test_the_index_has_nothing_near_what_is_no_position() -> None:
     assert not list(TOWN.index.links_near(math.nan, 0.0, 10.0))
     assert not list(TOWN.index.crossings_near(0.0, math.inf))
-
-
-def test_a_network_that_a_worker_got_is_the_same() -> None:
-    sent = pickle.loads(pickle.dumps(grid(3)))
-    assert repr(sent) == "RoadNetwork(9 crossings, 12 links, 0 areas)"
-    assert place(sent, 50.0, -1.0) == place(grid(3), 50.0, -1.0)
 
 
 def test_a_velocity_that_is_no_number_counts_for_nothing() -> None:

@@ -1,11 +1,13 @@
 import json
+import math
 import random
 import subprocess
 import sys
 import threading
 from dataclasses import dataclass, field
 from pathlib import Path
-from typing import get_args
+from types import UnionType
+from typing import Any, get_args, get_origin, get_type_hints
 
 import pytest
 from hypothesis import given
@@ -14,6 +16,7 @@ from mcap.reader import make_reader
 
 from agents.effects import HostEvent, LeaveRequested, Reported
 from dyknow.model.errors import DecodeError
+from dyknow.model.instants import LATEST_US
 from dyknow.model.sample import Sample
 from dyknow.model.values import NO_VALUE
 from federation.transport import Arrived, AskEnded, Put, TokenChanged, Urgency, WireEvent
@@ -27,25 +30,40 @@ NOW_US = 1_795_000_000_000_123
 POSITION = PositionReport(NOW_US, "GLOBAL_POSITION_INT", 58.4, 15.6, None, horizontal_sd_m=0.3)
 FIELDS = {
     int: st.integers(-(2**63), 2**63 - 1),
-    float: st.floats(),
+    float: st.floats(-3.4e38, 3.4e38) | st.sampled_from([math.nan, math.inf, -math.inf]),
     bool: st.booleans(),
     str: st.text(st.characters(exclude_categories=["Cs"])),
     bytes: st.binary(),
 }
+INSTANTS = st.integers(-LATEST_US, LATEST_US)
 
 
-def made(kind: type) -> st.SearchStrategy[object]:
-    """Values of a named tuple, whatever optional fields it has."""
-    hints = {name: FIELDS.get(hint, st.none() | FIELDS[float]) for name, hint in kind.__annotations__.items()}
-    return st.builds(kind, **hints)
+def of(hint: Any, name: str = "") -> st.SearchStrategy[Any]:
+    """Values of a field."""
+    if hint is int and name.endswith("_us"):
+        return INSTANTS
+    if get_origin(hint) is tuple:
+        parts = get_args(hint)
+        each = st.lists(of(parts[0]), max_size=3) if parts[-1] is ... else st.tuples(*map(of, parts))
+        return each.map(tuple)
+    if isinstance(hint, UnionType):
+        return st.one_of(of(each, name) for each in get_args(hint))
+    if hint is type(None):
+        return st.none()
+    return FIELDS[hint] if hint in FIELDS else made(hint)
+
+
+def made(kind: type) -> st.SearchStrategy[Any]:
+    """Values of a named tuple."""
+    return st.builds(kind, **{name: of(hint, name) for name, hint in get_type_hints(kind).items()})
 
 
 REPORTS = st.one_of(*map(made, get_args(Report)))
 EVENTS = st.one_of(
     *map(made, get_args(WireEvent)),
     *map(made, get_args(HostEvent)),
-    st.builds(LeaveRequested, FIELDS[int]),
-    st.builds(Reported, FIELDS[int], REPORTS),
+    st.builds(LeaveRequested, INSTANTS),
+    st.builds(Reported, INSTANTS, REPORTS),
 )
 
 

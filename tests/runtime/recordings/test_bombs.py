@@ -5,6 +5,7 @@ import multiprocessing
 import os
 import resource
 import struct
+import sys
 import time
 from collections.abc import Callable, Iterator
 from functools import partial
@@ -26,10 +27,10 @@ from kpl import parse_specification
 from planning.domains.model import Declarations
 from planning.domains.packing import unpacked
 from planning.domains.texts import parse_domain
+from proxies.files.named_files import beside
 from proxies.recordings.formats import open_recording
 from proxies.recordings.journal_file import ABOUT, read_about, read_journal
 from proxies.recordings.mcap_records import MAGIC
-from proxies.recordings.named_files import beside
 from proxies.recordings.sample_file import read_feed
 from reasoning.monitoring.json_documents import JsonDocument
 from reasoning.monitoring.profiles import parse_profiles
@@ -152,6 +153,14 @@ TABLES: dict[str, Bomb] = {
     "keys": lambda: b"".join(b"k%d = 1\n" % k for k in range(SIZE // 12)),
     "tables": lambda: b"".join(b"[t%d]\nx = 1\n" % k for k in range(SIZE // 16)),
     "digits": lambda: b"a = " + b"9" * SIZE,
+    "hexadecimal": lambda: b"a = 0x" + b"f" * SIZE,
+    "underscores": lambda: b"a = 1" + b"_1" * (SIZE // 2),
+    "fraction": lambda: b"a = 1." + b"1" * SIZE,
+    "exponent": lambda: b"a = 1e" + b"1" * SIZE,
+    "nearly": lambda: (b"9" * 4299 + b" " + b"0b" * 2149 + b" ") * (SIZE // 8599),
+    "parts": lambda: (b"'a'." * 31 + b" a\n") * (SIZE // 127),
+    "quotes": lambda: b'"\\' * (SIZE // 2) + b"\n" + b"9" * 4300,
+    "lines": lambda: b'a = """' + b'\\"' * (SIZE // 2) + b"\n" + b"9" * 4300,
     "word": lambda: b"a" * SIZE,
     "noise": lambda: b"\xff" * SIZE,
 }
@@ -219,7 +228,14 @@ def _cases() -> Iterator[Any]:
         yield from (pytest.param(reader, bomb, id=f"{reader}-{bomb}") for bomb in bombs)
 
 
+def refuse_unpickling(event: str, _arguments: tuple[Any, ...]) -> None:
+    """An audit hook for the rest of a process: nothing that reads a file may have bytes name what is called."""
+    if event == "pickle.find_class":
+        raise AssertionError("a reader unpickles")
+
+
 def _measured(read: Callable[[Path], object], path: Path, said: Connection) -> None:
+    sys.addaudithook(refuse_unpickling)
     before_kb = resource.getrusage(resource.RUSAGE_SELF).ru_maxrss
     began_s = time.process_time()
     try:

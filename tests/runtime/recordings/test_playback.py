@@ -142,7 +142,13 @@ def test_what_is_played_comes_when_it_is_due_and_its_end_is_told_once() -> None:
     got: list[Any] = []
     ended: list[bool] = []
     playback = Playback(
-        recorded(0), "0", got.append, lambda: now[0], lambda: 0, speed=1000.0, on_end=lambda: ended.append(True)
+        recorded(0),
+        "0",
+        got.append,
+        lambda: now[0],
+        lambda: 0,
+        speed=1000.0,
+        on_end=lambda problem: ended.append(not problem),
     )
 
     def far() -> int:

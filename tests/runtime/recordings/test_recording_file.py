@@ -282,3 +282,23 @@ def test_our_messages_have_the_fields_that_foxglove_knows() -> None:
         known: bytes = getattr(messages, name.removeprefix("foxglove.")).get_schema().data
         lacking = [field for field in names(ours) - {"sec", "nsec"} if field.encode() not in known]
         assert lacking == [], name
+
+
+def test_what_is_not_read_of_a_damaged_file_is_stated_with_its_place(tmp_path: Path) -> None:
+    whole = filled(tmp_path / "whole.mcap").read_bytes()
+    end = whole.index(b"\x0f\x04\0\0\0\0\0\0\0")  # the data's end
+    path = tmp_path / "a.mcap"
+    for more, why in (
+        (b"\x05" + b"\xff" * 7 + b"\0" + bytes(20), "begins where 20 follow"),
+        (b"\x06\0", "is cut off"),
+        (b"", ""),
+    ):
+        path.write_bytes(whole[:end] + more)
+        recording = FederationRecording(path)
+        found = summary_of(recording)
+        assert found.kinds.total() == 100
+        assert not found.is_whole
+        assert why in found.unread
+        assert found.unread.startswith(f"{path}, byte {end}: ") if more else not found.unread
+        assert found.unread.endswith(f"{len(more)} bytes from there to the end are not read") if more else True
+        assert summary_of(FederationRecording(tmp_path / "whole.mcap")).unread == ""

@@ -9,7 +9,7 @@ from compunits import catalogue
 from dyknow import Quality, Sample
 from kpl import parse_specification
 from kpl.linking.declarations import links_in
-from proxies.recordings.named_files import beside
+from proxies.files.named_files import beside
 from sim_uavs.dynamics.scenarios import scenario
 from sim_uavs.monitoring.specifications import READY
 from sim_uavs.monitoring.units import SURE, Observed

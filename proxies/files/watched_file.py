@@ -2,7 +2,7 @@
 
 from pathlib import Path
 
-from proxies.recordings.named_files import named_text
+from proxies.files.named_files import named_text
 
 
 class WatchedFile:
@@ -37,7 +37,7 @@ class WatchedFiles:
         self._files = [WatchedFile(self._path)]
 
     def read_named(self, name: str) -> str:
-        """The text of a file that it names; raises OSError and UnicodeDecodeError."""
+        """The text of a file that it names; raises OSError."""
         self._files.append(WatchedFile(self._path.parent / name))
         return named_text(self._path, name)
 
