@@ -13,11 +13,13 @@ from dyknow.model.errors import Refused
 from federation.messages.acts import AgentName, Performative
 from federation.messages.contents import (
     AssignArea,
+    CommandEntry,
     Content,
     DivideArea,
     Goto,
     Hold,
     JoinMission,
+    PerformCommands,
     PermitMission,
     TaskOver,
 )
@@ -105,6 +107,7 @@ def attempts() -> list[tuple[Performative, Content]]:
     return [
         (P.REQUEST, JoinMission(mission="m")),
         (P.REQUEST, JoinMission(mission="other")),
+        (P.REQUEST, PerformCommands(mission="m", step=1, action="flies", commands=(CommandEntry(name="land"),))),
         (P.REQUEST, PermitMission(mission="m", leaders=("2",), vehicles=("0",))),
         (P.REQUEST, Goto(latitude_deg=58.0, longitude_deg=15.0, altitude_m=50.0)),
         (P.REQUEST, Hold()),
@@ -122,7 +125,7 @@ def say(wire: Box, performative: Performative, content: Content) -> None:
         assert wire.asked("2", "0", content, performative).performatives == [P.REFUSE]
 
 
-@pytest.mark.parametrize("number", range(7))
+@pytest.mark.parametrize("number", range(8))
 def test_a_refused_attempt_to_command_is_an_alarm_and_shown_within_two_seconds(three: Box, number: int) -> None:
     performative, content = attempts()[number]
     say(three, performative, content)
