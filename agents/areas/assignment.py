@@ -28,8 +28,8 @@ PERIOD_US: Final = US_PER_S
 MAX_BORDER: Final = 1000
 """Characters of a border in the stream; a longer one ends with dots."""
 
-MOST, MOST_OF_ONE = 16, 8
-"""Pieces that are kept, in all and of one leader."""
+MOST, MOST_OF_ONE, MOST_FOR_ONE = 16, 8, 4
+"""Pieces that are kept: in all, of one leader, and for one delegator that is no command centre."""
 
 
 @dataclass(slots=True)
@@ -101,7 +101,7 @@ class AreaAssignment(Part):
         try:
             evidence = self._authority.proven(act, content.task, (DivideArea,), now_us)
             self._authority.check_leads(evidence, sender, act.boot, now_us)
-            self._check_room(sender, content.task)
+            self._check_room(sender, evidence)
             self._check_place(content, evidence)
         except Refused as refused:
             self.refused[refused.code] += 1
@@ -109,10 +109,14 @@ class AreaAssignment(Part):
         self.on_led(content.task)
         self.assign(sender, act.boot, content, evidence, now_us)
 
-    def _check_room(self, sender: str, task: str) -> None:
-        of_sender = sum(each.leader == sender and name != task for name, each in self.known.items())
-        if of_sender >= MOST_OF_ONE or len({*self.known, task}) > MOST:
-            raise Refused(f"there are {len(self.known)} pieces here, {of_sender} of {sender}", "too-many-pieces")
+    def _check_room(self, sender: str, evidence: TaskEvidence) -> None:
+        others = [each for task, each in self.known.items() if task != evidence.task]
+        of_sender = sum(each.leader == sender for each in others)
+        for_one = sum(each.evidence.delegator == evidence.delegator for each in others)
+        is_share = for_one < MOST_FOR_ONE or self._authority.is_centre(evidence.delegator)
+        if of_sender >= MOST_OF_ONE or len(others) >= MOST or not is_share:
+            text = f"there are {len(others)} pieces here, {of_sender} of {sender}, {for_one} for {evidence.delegator}"
+            raise Refused(text, "too-many-pieces")
 
     def _check_place(self, content: AssignArea, evidence: TaskEvidence) -> None:
         corner = content.outside(evidence.content.area) if isinstance(evidence.content, DivideArea) else None

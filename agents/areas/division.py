@@ -48,8 +48,8 @@ SUCCESSOR_STEP_US: Final = 1_000_000
 """How much later each next platform takes over a division whose leader is gone."""
 RENEWED_US: Final = 2_000_000
 """After that a successor divides once more: one that saw the leader longer has not followed it."""
-MOST: Final = 8
-"""Divisions that one platform leads."""
+MOST, MOST_OF_ONE = 8, 4
+"""Divisions that one platform leads, in all and of one delegator that is no command centre: it leaves room for others."""
 
 
 @dataclass(slots=True)
@@ -152,6 +152,12 @@ class AreaDivision(Part):
         own.on_led = self._on_led
         authority.on_over.append(self._on_over)
 
+    def _check_room(self, delegator: str) -> None:
+        of_one = sum(each.delegator == delegator for each in self.areas.values())
+        if len(self.areas) >= MOST or (of_one >= MOST_OF_ONE and not self._authority.is_centre(delegator)):
+            text = f"this platform divides {len(self.areas)} areas already, {of_one} of them for {delegator}"
+            raise Refused(text, "too-many-tasks")
+
     def on_divide(self, act: Act, content: DivideArea, now_us: int) -> None:
         """`(divide-area ...)`: until it is cancelled.
 
@@ -159,8 +165,7 @@ class AreaDivision(Part):
             Refused: it is no area, it flies vehicles and the sender may not, or this platform leads as many as it may.
         """
         task = self._tasks.check_free(act.conversation_id, act.sender.unit)
-        if len(self.areas) >= MOST:
-            raise Refused(f"this platform divides {MOST} areas already")
+        self._check_room(act.sender.unit)
         if not task.endswith(f".{self._unit}"):
             raise Refused(f"{task} does not name {self._unit} as the platform that it was delegated to")
         divided = DividedArea(self._authority.delegated(act, content), content, _area(content.area))

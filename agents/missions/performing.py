@@ -253,7 +253,8 @@ class Performing(Part):
         """`(perform-commands ...)`: tells when they are done.
 
         Raises:
-            Refused: the vehicle does not take part in that mission of the sender's, or does not know a command.
+            Refused: the sender may not command it, it does not take part in that mission of the sender's, or it does not know a
+                command.
         """
         joined = self._joined
         if (
@@ -265,6 +266,8 @@ class Performing(Part):
                 act.sender.unit,
             )
         ):
+            if not self._authority.has_ended(content.mission):
+                self.permits.check(content.mission, act.sender.unit, act.boot, now_us)
             raise Refused(f"the vehicle takes no part in mission {content.mission} of {act.sender.unit}", "mission")
         if not self._check_led(joined, now_us):
             raise Refused(f"{joined.leader} leads mission {joined.mission} no longer", "succession")

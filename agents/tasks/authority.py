@@ -168,11 +168,15 @@ class Authority(Part):
             text = f"{found.delegator} may not delegate ({found.content.head} ...), which commands vehicles"
             raise Refused(text if found.flies else f"{found.delegator} may not delegate", "role")
 
+    def is_centre(self, unit: str) -> bool:
+        """Whether it may command vehicles, and so has a greater share of what is limited."""
+        return self._role_of(unit) is Role.COMMAND_CENTRE
+
     # -- the order of succession -------------------------------------------------------------------------------
 
     def check_leads(self, found: TaskEvidence, unit: str, boot: int, now_us: int) -> None:
         """Raise Refused if `unit`, in that life, may not lead the task here now: `succession`, with the one before it."""
-        if unit == found.delegator and self._role_of(unit) is Role.COMMAND_CENTRE:
+        if unit == found.delegator and self.is_centre(unit):
             return
         if isinstance(found.content, PermitMission) and unit not in found.content.leaders:
             text = f"{unit} may not lead mission {found.task}: a command centre has not permitted it (permit-mission)"
@@ -233,6 +237,10 @@ class Authority(Part):
         """Whether the task has ended here."""
         return found.task in self._ended_here or found.task in self._over.get(found.delegator, ())
 
+    def has_ended(self, task: str) -> bool:
+        """Whether a task of that name, by whomever it was delegated, has ended here."""
+        return task in self._ended_here or any(task in of_one for of_one in self._over.values())
+
     def permitted_anew(self, found: TaskEvidence) -> None:
         """Its delegator has just permitted it: what went by that name before is another."""
         self._ended_here.pop(found.task, None)
@@ -256,7 +264,7 @@ class Authority(Part):
         Raises:
             Refused: it does not, or shows no evidence.
         """
-        if not act.evidence and self._role_of(act.sender.unit) is Role.COMMAND_CENTRE:
+        if not act.evidence and self.is_centre(act.sender.unit):
             self._ended_here[content.task] = None
             if len(self._ended_here) > OVER_OF_ONE:
                 del self._ended_here[next(iter(self._ended_here))]

@@ -1,8 +1,10 @@
 """The commander of the vehicle, where that is not the delegate, and platforms that were refused: shown, and an alarm.
 
 After a task was delegated to one platform its vehicles may obey another one, as is due: the alarm `commander` opens with the
-first successor that is obeyed, and closes when the delegate is obeyed again, or no platform is; the delegator hears it as progress of its task. `refused-commander` opens with what a platform asks for and may not, and closes after a minute
-without another attempt. Of one platform there is one alarm, however much it sends. Times are the node clock.
+first successor that is obeyed, and closes when the delegate is obeyed again, or no platform is; the delegator hears it as progress
+of its task. `refused-commander` opens with what a platform asks for and may not, and closes after a minute without another
+attempt. Of one platform there is one alarm, however much it sends. While a platform has only just appeared, another one may not
+know yet that it is no successor any longer: such attempts are shown, and are no alarm. Times are the node clock.
 """
 
 from collections.abc import Callable, Iterable
@@ -10,12 +12,13 @@ from dataclasses import dataclass
 from typing import Final, Literal
 
 from agents.interface import InterfaceAgent
-from agents.part import Part
+from agents.part import Part, PeerChange
 from agents.tasks.authority import TaskEvidence
 from dyknow.model.errors import Refused
 from federation.members.clock import FederationClock
 from federation.members.directory import DirectoryFacilitator
-from federation.messages.acts import Act
+from federation.members.liveness import PlatformAppeared
+from federation.messages.acts import Act, Performative
 from federation.messages.contents import Progress
 from federation.messages.descriptions import ConditionEntry
 from reasoning import AlarmEvent
@@ -24,8 +27,12 @@ COMMANDER: Final = "commander"
 REFUSED: Final = "refused-commander"
 ABOUT_COMMANDERS: Final = frozenset({COMMANDER, REFUSED})
 """Alarms for users alone: the platform that they are about has no such monitor."""
-CODES: Final = frozenset({"role", "succession", "unproven"})
+TURNS: Final = frozenset({"succession", "led-by"})
+"""Refusals out of turn."""
+CODES: Final = frozenset({"role", "unproven", *TURNS})
 """Refusals for the sender, not for the content."""
+SETTLED_US: Final = 5_000_000
+"""How long after a platform has appeared all know the order."""
 QUIET_US: Final = 60_000_000
 MOST: Final = 8
 """Platforms whose attempts are remembered."""
@@ -35,7 +42,7 @@ _TEXT: Final = 200
 
 @dataclass(slots=True)
 class Attempts:
-    """What one platform asked for and may not: the first of it, how often, since when, and the alarm about it."""
+    """What one platform asked for and may not: the first of it, how often, since when, and the alarm about it, if there is one."""
 
     what: str
     alarm: str
@@ -84,6 +91,7 @@ class CommandWatch(Part):
         self._on_alarm, self._note, self._offer = on_alarm, note, offer
         self._commanded: Commanded | None = None
         self.refused: dict[str, Attempts] = {}
+        self._appeared_us = -SETTLED_US
 
     def conditions(self) -> Iterable[ConditionEntry]:
         for unit, each in list(self.refused.items())[-SHOWN:]:
@@ -120,27 +128,37 @@ class CommandWatch(Part):
     def refuse(self, act: Act, refused: Refused, now_us: int) -> None:
         """Note that what a platform asked for was refused for its sender."""
         sender = act.sender.unit
-        if refused.code not in CODES or sender == self._unit:
+        is_asked_at_another = refused.code == "led-by" and act.performative is Performative.CANCEL
+        if refused.code not in CODES or is_asked_at_another or sender == self._unit:
             return
+        head = "cancel" if act.content is None else act.content.head
         found = self.refused.get(sender)
         if found is not None:
             before, found.count, found.last_us = found.how, found.count + 1, now_us
             if found.how != before:
                 self._offer(now_us)
-            return
-        head = "cancel" if act.content is None else act.content.head
-        what = f"({head} ...): {refused.code}: {refused.reason}"
-        if len(self.refused) >= MOST:
-            self._forget(next(iter(self.refused)), now_us)
-        alarm = f"{REFUSED}/{self._unit}/{sender}/{now_us}"
-        self.refused[sender] = Attempts(what, alarm, now_us, now_us)
-        self._note(f"refused to {sender}: {what}"[:400])
-        self._raise(alarm, "opened", REFUSED, sender, now_us, asked=head, code=refused.code)
-        self._offer(now_us)
+        else:
+            what = f"({head} ...): {refused.code}: {refused.reason}"
+            if len(self.refused) >= MOST:
+                self._forget(next(iter(self.refused)), now_us)
+            found = self.refused[sender] = Attempts(what, "", now_us, now_us)
+            self._note(f"refused to {sender}: {what}"[:400])
+            self._offer(now_us)
+        is_late = refused.code in TURNS and now_us - self._appeared_us < SETTLED_US
+        if not found.alarm and not is_late:
+            found.alarm = f"{REFUSED}/{self._unit}/{sender}/{now_us}"
+            self._raise(found.alarm, "opened", REFUSED, sender, now_us, asked=head, code=refused.code)
 
     def _forget(self, unit: str, now_us: int) -> None:
-        self._raise(self.refused.pop(unit).alarm, "closed", REFUSED, unit, now_us)
+        alarm = self.refused.pop(unit).alarm
+        if alarm:
+            self._raise(alarm, "closed", REFUSED, unit, now_us)
         self._offer(now_us)
+
+    def on_peer(self, change: PeerChange, now_us: int) -> None:
+        """Note when a platform has appeared."""
+        if isinstance(change, PlatformAppeared):
+            self._appeared_us = now_us
 
     @property
     def deadline_us(self) -> int | None:

@@ -5,12 +5,13 @@ import math
 import pytest
 import shapely
 
-from agents.areas.assignment import AreaAssignment
-from agents.areas.division import AreaDivision
+from agents.areas.assignment import MOST_FOR_ONE, AreaAssignment
+from agents.areas.division import MOST, MOST_OF_ONE, AreaDivision
 from agents.effects import Fed
 from federation.messages.acts import Act, AgentName, Performative
 from federation.messages.codec import encode_act
 from federation.messages.contents import AreaRing, AssignArea, DivideArea, Progress, Query, Samples
+from tests.agents.rosters import trust
 from tests.box import Box, Question
 
 P = Performative
@@ -301,6 +302,29 @@ def test_an_absurd_speed_is_believed_up_to_a_limit(wire):
     wire.happens("1", Fed(wire.now_us, "plate", wire.now_us, (1e9,)))
     wire.run(3)
     assert round(pieces(wire)["0"].share, 3) == round(10 / 70, 3)
+
+
+def test_a_member_leaves_room_for_the_divisions_of_others_with_leaders_and_receivers(wire):
+    for unit in "012":
+        wire.join(unit, trust=trust(unit))
+    wire.centre("cc", trust=trust("cc"))
+    wire.run(1.5)
+    for leader in "01":
+        asked = [wire.asked("2", leader, DivideArea(area=AREA)) for _ in range(MOST)]
+        assert [each.performatives[0] for each in asked] == [P.AGREE] * MOST_OF_ONE + [P.REFUSE] * (MOST - MOST_OF_ONE)
+        assert asked[-1].contents[-1].code == "too-many-tasks"
+    wire.run(2)
+    assert len(wire.platform("1").part(AreaAssignment).known) == 2 * MOST_FOR_ONE, "of its own leading as many again"
+    assert wire.platform("2").part(AreaAssignment).refused == {"too-many-pieces": MOST_FOR_ONE}
+    wire.end("2")
+    wire.run(6)
+    for leader in "01":
+        asked = [wire.asked("cc", leader, DivideArea(area=AREA)) for _ in range(MOST - MOST_OF_ONE)]
+        assert {each.performatives[0] for each in asked} == {P.AGREE}
+    wire.run(3)
+    for unit in "01":
+        delegators = [each.evidence.delegator for each in wire.platform(unit).part(AreaAssignment).known.values()]
+        assert delegators.count("cc") == 2 * (MOST - MOST_OF_ONE)
 
 
 @pytest.mark.parametrize(

@@ -8,17 +8,22 @@ import pytest
 from agents.areas.assignment import AreaAssignment
 from agents.missions.performing import Performing
 from agents.monitoring.alarm_log import AlarmLog
-from agents.tasks.command_watch import COMMANDER, MOST, QUIET_US, REFUSED, CommandWatch
+from agents.tasks.command_watch import COMMANDER, MOST, QUIET_US, REFUSED, SETTLED_US, CommandWatch
 from dyknow.model.errors import Refused
 from federation.messages.acts import AgentName, Performative
 from federation.messages.contents import (
     AssignArea,
+    CommandEntry,
     Content,
+    CreateMonitor,
     DivideArea,
     Goto,
     Hold,
     JoinMission,
+    MonitorProximity,
+    PerformCommands,
     PermitMission,
+    Reason,
     TaskOver,
 )
 from tests.agents.rosters import trust
@@ -105,6 +110,7 @@ def attempts() -> list[tuple[Performative, Content]]:
     return [
         (P.REQUEST, JoinMission(mission="m")),
         (P.REQUEST, JoinMission(mission="other")),
+        (P.REQUEST, PerformCommands(mission="m", step=1, action="flies", commands=(CommandEntry(name="land"),))),
         (P.REQUEST, PermitMission(mission="m", leaders=("2",), vehicles=("0",))),
         (P.REQUEST, Goto(latitude_deg=58.0, longitude_deg=15.0, altitude_m=50.0)),
         (P.REQUEST, Hold()),
@@ -122,7 +128,7 @@ def say(wire: Box, performative: Performative, content: Content) -> None:
         assert wire.asked("2", "0", content, performative).performatives == [P.REFUSE]
 
 
-@pytest.mark.parametrize("number", range(7))
+@pytest.mark.parametrize("number", range(8))
 def test_a_refused_attempt_to_command_is_an_alarm_and_shown_within_two_seconds(three: Box, number: int) -> None:
     performative, content = attempts()[number]
     say(three, performative, content)
@@ -147,6 +153,43 @@ def test_however_much_one_sends_there_is_one_alarm_of_it_and_a_minute_of_quiet_c
     three.run(QUIET_US / 1e6 + 1.5)
     assert shown(three, "0") == []
     assert alarms(three, "0", REFUSED)[-1] == ("closed", ("0", "2"))
+
+
+def claim(wire: Box, task: str) -> Reason | None:
+    """Platform 2 claims the monitors of 0 in a task, with evidence; why not."""
+    content = CreateMonitor(name="proximity", task=task, coordinator="2", generation=2)
+    refused = wire.shown("2", "0", content, wire.evidence(task)).contents[-1]
+    return refused if isinstance(refused, Reason) else None
+
+
+def test_a_claim_to_monitors_out_of_turn_is_shown_and_an_alarm_unless_a_platform_has_just_appeared(three: Box) -> None:
+    task = three.asked("cc", "0", MonitorProximity()).conversation
+    three.run(SETTLED_US / 1e6)
+    assert three.cancel_task("2", "1", task).failed is None
+    three.end("1")
+    three.run(1.0)
+    three.join("1", Vehicle(north_m=3000.0), trust=trust("1"), control=True)
+    three.run(2.0)
+    for since, events in (("just now", []), ("for a while", [("opened", ("0", "2"))])):
+        refused = claim(three, task)
+        assert refused is not None, since
+        assert refused.code == "led-by"
+        assert alarms(three, "0", REFUSED) == events, since
+        three.run(SETTLED_US / 1e6)
+        assert any(text.startswith("refused to 2, ") for text in shown(three, "0"))
+
+
+@pytest.mark.parametrize("alone", ["0", "2"])
+def test_after_a_cut_the_honest_successors_are_no_alarm(three: Box, alone: str) -> None:
+    for content in (MonitorProximity(), DivideArea(area=AREA)):
+        three.asked("cc", "0", content)
+    three.run(3.0)
+    three.cut({alone}, set("012") - {alone})
+    three.run(8.0)
+    assert three.platform(alone).ports.tasks.coordinated.keys() == three.platform("1").ports.tasks.coordinated.keys()
+    three.wire.mend_all()
+    three.run(10.0)
+    assert [alarms(three, unit, REFUSED) for unit in "012"] == [[], [], []]
 
 
 def test_of_many_platforms_the_last_ones_are_remembered(wire: Box) -> None:
