@@ -97,7 +97,7 @@ CALLS: dict[tuple[str, str], tuple[str, list[str]]] = {
     ("roads check", "file"): (".geojson", ["roads", "check", FILE]),
     ("ls", "roster"): (".toml", ["ls", "--roster", FILE]),
     ("ls", "key"): (".key", ["ls", "--roster", "members.toml", "--key", FILE]),
-    ("ls", "ontology"): (".toml", ["ls", "--ontology", FILE]),
+    ("ls", "ontology"): (".toml", ["kpl", "run", SPEC, "--feed", FEED, "--ontology", FILE]),
     ("ls", "config"): (".toml", ["ls", "--config", FILE]),
     # of other types or with other endings
     ("ls", "federation"): (".toml", ["ls", "--federation", FILE]),
@@ -315,7 +315,7 @@ def test_a_hostile_file_ends_the_command_in_a_sentence_at_a_bounded_cost(
     assert ran.code in {1, 2}, ran.said[:600]
     first = ran.said.split("\n")[0]
     assert path.name in first, ran.said[:600]
-    assert first.startswith((f"dyknow {command[0]}: ", "left out: ", "error ")), first
+    assert first.startswith(("dyknow ", "left out: ", "error ")), first
     assert "\x1b" not in ran.said
     assert len(first) < 600
 
