@@ -11,6 +11,7 @@ from collections.abc import Callable, Iterator
 from http.server import BaseHTTPRequestHandler, HTTPServer
 from typing import Any, Final
 
+from agents.exchange.import_proxy import ImportProxy
 from agents.monitoring.alarm_log import AlarmLog
 from agents.platform import Platform
 from dyknow import __version__
@@ -107,7 +108,8 @@ class PlatformMetrics:
             acts.add_metric([unit, direction, outcome], count)
         yield acts
         refused = CounterMetricFamily("dyknow_refused", "Events that were dropped.", labels=["unit", "reason"])
-        for reason, count in (platform.refused.copy() + platform.member.refused.copy()).items():
+        dropped = [each.refused.copy() for each in (platform, platform.member, platform.part(ImportProxy))]
+        for reason, count in sum(dropped, Counter[str]()).items():
             refused.add_metric([unit, reason], count)
         yield refused
         yield from self._alarms()

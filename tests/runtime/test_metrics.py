@@ -11,6 +11,8 @@ from typing import Any, cast
 import pytest
 
 from dyknow.model.errors import EndpointFailed, UnitError
+from federation.messages.codec import decode_samples, encode_samples
+from federation.transport import Put, Urgency
 from runtime.mailbox import Mailbox
 from runtime.metrics import STANDS_US, PlatformMetrics
 from tests.box import Box
@@ -73,6 +75,16 @@ def test_prometheus_reads_what_the_platform_has(world: Box, served: PlatformMetr
     later = figures(served)
     assert later["dyknow_alarms_open", "proximity"] == 0
     assert later["dyknow_samples_received_total", "heli-position", "1"] > received
+
+
+def test_samples_of_others_that_no_arithmetic_bears_are_counted(world: Box, served: PlatformMetrics) -> None:
+    assert ("dyknow_refused_total", "range") not in figures(served)
+    (*_, last) = [each.put for each in world.wire.log if each.put.key.startswith("x/1/heli-position/")]
+    boot, (*_, newest), *_ = decode_samples(last.payload)
+    hostile = newest._replace(seq=newest.seq + 1, value=(1e12, 0.0))
+    world.wire.put("1", Put(last.key, encode_samples(boot, [hostile]), Urgency.STREAM))
+    world.run(0.3)
+    assert figures(served)["dyknow_refused_total", "range"] == 1
 
 
 def test_a_thread_that_stands_still_is_not_well(world: Box, served: PlatformMetrics) -> None:
