@@ -18,7 +18,7 @@ from agents.part import Part
 from agents.tasks.life import TaskLife
 from agents.tasks.requests import CHECK_FORMULA, LATER, WHEN
 from agents.tasks.task import Task
-from dyknow import NO_VALUE, US_PER_S, Label, Policy
+from dyknow import NO_VALUE, US_PER_S, Label, Policy, earlier
 from dyknow.model.errors import ContentError, DyknowError, Refused, TextError, UnknownLabel
 from federation.members.clock import FederationClock
 from federation.members.deadlines import Deadlines
@@ -42,6 +42,9 @@ MOST_REASONS = 8
 """Characters of a formula in an answer, so that it fits into one act."""
 LONGEST_STATES = 4000
 LONGEST_STATE = 200
+WAITS = "; waits for "
+LOOK_US = 1_000_000
+"""After so long, and then as often, the task of a request that waits shows which streams have brought nothing."""
 
 
 @dataclass(slots=True)
@@ -80,13 +83,16 @@ class Checks(Part):
         tasks: TaskLife,
         instance: Instance,
         agreements: LabelAgreements,
+        note: Callable[[str], None],
     ) -> None:
+        self._note = note
         self._agreements = agreements
         self._clock, self._agent, self._gateway = clock, agent, gateway
         self._tasks, self._instance = tasks, instance
         self._open: dict[str, Check] = {}
         self._parsing: dict[str, Act] = {}
         self._deadlines: Deadlines[str] = Deadlines()
+        self._looks: Deadlines[str] = Deadlines()
 
     def on_check(self, act: Act, content: CheckFormula, now_us: int) -> None:
         """`(check-formula ...)`: agree, then inform of the verdict, `undecided` when the time is over.
@@ -143,6 +149,7 @@ class Checks(Part):
             return ()
 
         self._tasks.add(Task(conversation, act.sender.unit, When.head, take_down, " ".join(state.split()), now_us))
+        self._looks.set(conversation, now_us + LOOK_US)
         self._set_due(act, content.timeout_s, now_us)
 
     def _read(self, act: Act, text: str, then: Callable[[Formula, int], None], now_us: int) -> None:
@@ -234,12 +241,29 @@ class Checks(Part):
 
     @property
     def deadline_us(self) -> int | None:
-        return self._deadlines.next_us
+        return earlier(self._deadlines.next_us, self._looks.next_us)
 
     def on_time(self, now_us: int) -> None:
+        for conversation in self._looks.pop_due(now_us):
+            self._look(conversation, now_us)
         for conversation in self._deadlines.pop_due(now_us):
             if conversation in self._open:
                 self._end(conversation, now_us)
+
+    def _look(self, conversation: str, now_us: int) -> None:
+        """Show in a task which streams its condition waits for, until all have come."""
+        check, task = self._open.get(conversation), self._tasks.get(conversation)
+        if check is None or task is None:
+            return
+        state, _, before = task.state.partition(WAITS)
+        silent = ", ".join(check.made.silent)
+        shown = f"{silent[:LONGEST_STATE]}, which has brought nothing here" if silent else ""
+        if shown != before:
+            task.state = f"{state}{WAITS}{shown}" if silent else state
+            if silent:
+                self._note(f"{conversation}: {task.state}")
+        if silent:
+            self._looks.set(conversation, now_us + LOOK_US)
 
     def _end(self, conversation: str, now_us: int) -> None:
         check = self._open[conversation]
@@ -275,6 +299,7 @@ class Checks(Part):
     def _drop(self, conversation: str) -> None:
         check = self._open.pop(conversation)
         self._deadlines.set(conversation, None)
+        self._looks.set(conversation, None)
         self._gateway.network.unstep(check.made)
         check.made.cancel()
 

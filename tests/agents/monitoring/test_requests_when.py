@@ -20,7 +20,7 @@ from federation.messages.contents import (
 )
 from federation.messages.sexpr import Expr
 from tests.agents.admission.test_hostile import trust
-from tests.box import Box, Question
+from tests.box import Box, Question, Vehicle
 
 P = Performative
 FED = "source number level\nstrmgen level[self] = level\n"
@@ -75,6 +75,30 @@ def test_it_is_done_once_when_the_condition_becomes_true_and_is_the_task_that_wa
     fed.cancel("cc", "7", question.conversation)
     fed.run(0.5)
     assert (monitors(fed), tasks(fed)) == (set(), [])
+
+
+def test_a_condition_over_what_has_no_producer_says_within_two_seconds_what_it_waits_for(fed: Box) -> None:
+    wire = fed
+    when(wire, ENERGY)
+    wire.run(1.5)
+    waits = "create-monitor when level[self] > 50; waits for level[7], which has brought nothing here"
+    assert tasks(wire) == [("when", waits)]
+    wire.run(5.0)
+    assert tasks(wire) == [("when", waits)]
+    assert len([note for note in wire.nodes["7"].notes if "waits for level[7]" in note]) == 1
+    push(wire, 10.0)
+    wire.run(1.0)
+    assert tasks(wire) == [("when", "create-monitor when level[self] > 50")]
+
+
+def test_a_condition_over_a_feature_of_a_vehicle_that_is_not_there_says_so(wire: Box) -> None:
+    wire.join("7", Vehicle(is_silent=True))
+    wire.centre()
+    wire.run(1.0)
+    when(wire, ENERGY, "heli-altitude[self] > 1")
+    wire.run(1.6)
+    [(_, state)] = tasks(wire)
+    assert "; waits for heli-altitude[" in state
 
 
 def test_it_is_done_though_the_command_that_asked_has_ended(fed: Box) -> None:
