@@ -58,6 +58,11 @@ class LinkGate:
         self._ended.set()
         self._thread.join()
 
+    def look(self) -> None:
+        """Close every link that there is and whose certificate is not admitted."""
+        for link in self._links():
+            self.on_link(link)
+
     def on_link(self, link: Any) -> None:
         """A link is there; it stays if its certificate is admitted."""
         name = link.auth_identifier
@@ -72,8 +77,7 @@ class LinkGate:
             if self._ends_us is not None and self._now_us() >= self._ends_us - _AHEAD_US:
                 self._post(CertificateEnds(self._ends_us, self._now_us()))
                 self._ends_us = None
-            for link in self._links():
-                self.on_link(link)
+            self.look()
 
     def _read(self) -> None:
         stamp = self._stamped()
