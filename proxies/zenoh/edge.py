@@ -118,15 +118,10 @@ class ZenohEdge:
 
     def _take(self, session: zenoh.Session) -> None:
         self._session, self._zid = session, self._zid or str(session.zid())
+        info = session.info
         self._listeners = [
-            session.info.declare_transport_events_listener(
-                Callback(self._on_transport, indirect=False),
-                history=True,
-            ),
-            session.info.declare_link_events_listener(
-                Callback(self._on_link, indirect=False),
-                history=True,  # at once: before anything passes over the link
-            ),
+            info.declare_transport_events_listener(Callback(self._on_transport, indirect=False), history=True),
+            info.declare_link_events_listener(Callback(self._on_link, indirect=False), history=True),
         ]
 
     def perform(self, effect: wire.WireEffect) -> None:
@@ -298,6 +293,7 @@ class ZenohEdge:
         self._post(wire.Arrived(str(found.key_expr), self._now_us(), found.payload.to_bytes()))
 
     def _on_transport(self, event: zenoh.TransportEvent) -> None:
+        """Called before Zenoh routes to the peer: until a peer has said what it listens to, all that is put goes there."""
         if event.kind == zenoh.SampleKind.PUT and self._gate is not None:
             self._gate.look()
 

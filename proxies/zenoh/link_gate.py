@@ -2,6 +2,8 @@
 
 Zenoh reads its rules when a session is opened and closes no single link. It says of each link what certificate the other
 side has shown; the socket of one whose certificate the roster does not admit is shut down, and Zenoh drops the link.
+The gate looks when a transport is made, and Zenoh waits for it before it sends anything but the handshake. It looks twice a
+second besides, for links that were there when the roster changed.
 """
 
 import contextlib
