@@ -24,6 +24,7 @@ from federation.transport import CertificateEnds, LinkClosed, RosterRead
 Post: TypeAlias = Callable[[LinkClosed | RosterRead | CertificateEnds], None]
 Address: TypeAlias = tuple[str, int]
 _LOOK_S = 0.5
+_CHUNK = 65_536
 _AHEAD_US = 86_400_000_000
 
 
@@ -114,13 +115,16 @@ def _plain(host: str) -> str:
 
 
 def _shut(here: Address, there: Address) -> bool:
-    """Shut the socket between these addresses down; whether there was one."""
+    """Shut the socket between these addresses down, and take what Zenoh has not read; whether there was one."""
     for name in Path("/dev/fd").iterdir():
         with contextlib.suppress(OSError):  # closed meanwhile, or no connection
             if stat.S_ISSOCK(name.stat().st_mode):
                 with socket.socket(fileno=os.dup(int(name.name))) as copy:
                     if _connects(copy, here, there):
-                        copy.shutdown(socket.SHUT_RDWR)
+                        copy.shutdown(socket.SHUT_RDWR)  # from now on what arrives is answered by a reset
+                        with contextlib.suppress(OSError):
+                            while copy.recv(_CHUNK, socket.MSG_DONTWAIT):
+                                pass
                         return True
     return False
 
