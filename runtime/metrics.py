@@ -156,7 +156,8 @@ class PlatformMetrics:
         for sender, count in contain.senders.copy().items():
             over.add_metric([unit, sender], count)
         yield over
-        impaired = GaugeMetricFamily("dyknow_impaired", "Places that are impaired.", labels=["unit", "out"])
+        about = "Places that are impaired; out: left out, tried again each minute with the state that they have."
+        impaired = GaugeMetricFamily("dyknow_impaired", about, labels=["unit", "out"])
         found = Counter(each.is_out for each in contain.impaired.copy().values())
         for is_out in (False, True):
             impaired.add_metric([unit, str(is_out).lower()], found[is_out])

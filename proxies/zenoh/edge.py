@@ -58,7 +58,7 @@ class ZenohEdge:
         self._post, self._now_us = post, now_us
         self._session: zenoh.Session | None = None
         self._exchange: Exchange | None = None
-        self._links: Any = None
+        self._listeners: list[Any] = []
         self._closing = Closing()
         self._options = options
         self._gate: LinkGate | None = None
@@ -118,10 +118,11 @@ class ZenohEdge:
 
     def _take(self, session: zenoh.Session) -> None:
         self._session, self._zid = session, self._zid or str(session.zid())
-        self._links = session.info.declare_link_events_listener(
-            Callback(self._on_link, indirect=False),
-            history=True,  # at once: before anything passes over the link
-        )
+        info = session.info
+        self._listeners = [
+            info.declare_transport_events_listener(Callback(self._on_transport, indirect=False), history=True),
+            info.declare_link_events_listener(Callback(self._on_link, indirect=False), history=True),
+        ]
 
     def perform(self, effect: wire.WireEffect) -> None:
         """Carry out one effect. What Zenoh refuses is posted as `HandlerFailed`: a node outlives its session."""
@@ -290,6 +291,11 @@ class ZenohEdge:
 
     def _on_sample(self, found: zenoh.Sample) -> None:
         self._post(wire.Arrived(str(found.key_expr), self._now_us(), found.payload.to_bytes()))
+
+    def _on_transport(self, event: zenoh.TransportEvent) -> None:
+        """Called before Zenoh routes to the peer: until a peer has said what it listens to, all that is put goes there."""
+        if event.kind == zenoh.SampleKind.PUT and self._gate is not None:
+            self._gate.look()
 
     def _on_link(self, event: zenoh.LinkEvent) -> None:
         if event.kind == zenoh.SampleKind.PUT:

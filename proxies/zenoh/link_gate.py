@@ -2,6 +2,8 @@
 
 Zenoh reads its rules when a session is opened and closes no single link. It says of each link what certificate the other
 side has shown; the socket of one whose certificate the roster does not admit is shut down, and Zenoh drops the link.
+The gate looks when a transport is made, and Zenoh waits for it before it sends anything but the handshake. It looks twice a
+second besides, for links that were there when the roster changed.
 """
 
 import contextlib
@@ -23,6 +25,7 @@ from proxies.files.named_files import bounded_text
 Post: TypeAlias = Callable[[LinkClosed | RosterRead | CertificateEnds], None]
 Address: TypeAlias = tuple[str, int]
 _LOOK_S = 0.5
+_CHUNK = 65_536
 _AHEAD_US = 86_400_000_000
 
 
@@ -59,6 +62,11 @@ class LinkGate:
         self._ended.set()
         self._thread.join()
 
+    def look(self) -> None:
+        """Close every link that there is and whose certificate is not admitted."""
+        for link in self._links():
+            self.on_link(link)
+
     def on_link(self, link: Any) -> None:
         """A link is there; it stays if its certificate is admitted."""
         name = link.auth_identifier
@@ -73,8 +81,7 @@ class LinkGate:
             if self._ends_us is not None and self._now_us() >= self._ends_us - _AHEAD_US:
                 self._post(CertificateEnds(self._ends_us, self._now_us()))
                 self._ends_us = None
-            for link in self._links():
-                self.on_link(link)
+            self.look()
 
     def _read(self) -> None:
         stamp = self._stamped()
@@ -109,13 +116,16 @@ def _plain(host: str) -> str:
 
 
 def _shut(here: Address, there: Address) -> bool:
-    """Shut the socket between these addresses down; whether there was one."""
+    """Shut the socket between these addresses down, and take what Zenoh has not read; whether there was one."""
     for name in Path("/dev/fd").iterdir():
         with contextlib.suppress(OSError):  # closed meanwhile, or no connection
             if stat.S_ISSOCK(name.stat().st_mode):
                 with socket.socket(fileno=os.dup(int(name.name))) as copy:
                     if _connects(copy, here, there):
-                        copy.shutdown(socket.SHUT_RDWR)
+                        copy.shutdown(socket.SHUT_RDWR)  # from now on what arrives is answered by a reset
+                        with contextlib.suppress(OSError):
+                            while copy.recv(_CHUNK, socket.MSG_DONTWAIT):
+                                pass
                         return True
     return False
 

@@ -1,9 +1,11 @@
 """The command `dyknow` in processes of its own, in a federation and a run directory that nobody else uses."""
 
+import contextlib
 import json
 import os
 import queue
 import secrets
+import socket
 import subprocess
 import sys
 import threading
@@ -21,6 +23,19 @@ from tests import command
 PATIENCE_S = 100.0
 RUN = "import signal; signal.signal(signal.SIGINT, signal.default_int_handler); from console.main import main; main()"
 """As a terminal starts it: what runs in the background of a shell ignores Ctrl-C, and so would its children."""
+
+
+def free_tcp_ports(count: int) -> int:
+    """The first of adjacent ports to listen on, each free and below those that systems give to outgoing connections.
+
+    One of those may be the near end of a link by the time that a slow process listens there.
+    """
+    while True:
+        first = 10_000 + secrets.randbelow(10_000 - count)
+        with contextlib.ExitStack() as held, contextlib.suppress(OSError):
+            for port in range(first, first + count):
+                held.enter_context(socket.socket()).bind(("127.0.0.1", port))
+            return first
 
 
 @dataclass

@@ -5,16 +5,14 @@ from urllib.request import urlopen
 
 import pytest
 
-from tests.live.command_line.command import Dyknow
-from tests.live.vehicles.test_missions import free_port
+from tests.live.command_line.command import Dyknow, free_tcp_ports
 
 pytestmark = pytest.mark.live
 NAME = "tests.live.command_line.faulty"
 
 
-@pytest.mark.full
 def test_a_part_that_raises_in_everything_ends_no_process_and_is_shown(dyknow: Dyknow) -> None:
-    port = free_port()
+    port = free_tcp_ports(2)
     options = ("--scenario", "hover", "--extension", NAME, "--metrics", str(port), "--detach")
     [ready] = dyknow.run("up", "2", *options)
     assert ready["event"] == "ready"
