@@ -1,4 +1,4 @@
-"""Files that users name, opened: only what is a file, a text within a limit, and what a text names beside it.
+"""Files that users name, opened: only what is a file, a text within a limit, and other files that a text names.
 
 Whatever reads a file from anyone opens it here. Lines of a pipe come as they are written, and a file that is watched is compared.
 """
