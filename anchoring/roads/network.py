@@ -7,6 +7,7 @@ from functools import cached_property
 from anchoring.roads.elements import CROSSING, ROAD, Crossing, DirectedLink, RoadArea, RoadLink
 from anchoring.roads.geometry import Point2
 from anchoring.roads.index import RoadIndex
+from anchoring.roads.names import object_names, way_name
 from anchoring.roads.turns import CrossingPaths, RoadTurns
 from navigation.geodesy import LocalFrame
 
@@ -34,6 +35,12 @@ class RoadNetwork:
     def index(self) -> RoadIndex:
         """What is near a position; made when it is first used."""
         return RoadIndex(self.links.values(), self.crossings.values(), self.areas.values())
+
+    @cached_property
+    def names(self) -> Mapping[str, str]:
+        """The names in specifications: of links and crossings by their ids, of ways by their names on the map."""
+        ways = (way_name(DirectedLink(link, direction)) for link in self.links for direction in (1, -1))
+        return object_names([*ways, *self.crossings])
 
     @cached_property
     def arms(self) -> Mapping[str, tuple[DirectedLink, ...]]:

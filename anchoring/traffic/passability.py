@@ -3,7 +3,7 @@
 from collections.abc import Mapping
 from typing import Final, NamedTuple
 
-from anchoring.roads.elements import DirectedLink
+from anchoring.roads.names import way_name
 from anchoring.roads.network import RoadNetwork
 from anchoring.roads.routes import BY_TIME, RoadRoute, RoadRoutes, Speeds
 from anchoring.traffic.obstacles import LaneObstacle, Narrowest
@@ -91,8 +91,3 @@ def _names(obstacles: tuple[LaneObstacle, ...]) -> str:
     if len(names) > _NAMED:
         return f"{', '.join(names[: _NAMED - 1])} and {len(names) - _NAMED + 1} more"
     return " and ".join(filter(None, (", ".join(names[:-1]), names[-1])))
-
-
-def way_name(way: DirectedLink) -> str:
-    """How a link in one direction is called: its id, with `-back` from its end to its start."""
-    return way.link if way.direction > 0 else f"{way.link}-back"

@@ -6,18 +6,18 @@ may be that late.
 """
 
 import math
-import re
 from collections.abc import Callable, Iterator
 from functools import partial
 from typing import Any, Final, TypeAlias
 
 from anchoring.ready import SLACK_M
 from anchoring.roads.elements import DirectedLink
+from anchoring.roads.names import way_name
 from anchoring.roads.network import RoadNetwork
 from anchoring.roads.snapping import RoadPlace, snap
 from anchoring.roads.statistics import LONGEST_GAP_US, LinkTraffic, RoadTraffic
 from anchoring.traffic.obstacles import Narrowest, SlowVehicles, narrowest
-from anchoring.traffic.passability import Passability, RouteState, WantedRoute, obstructed, way_name
+from anchoring.traffic.passability import Passability, RouteState, WantedRoute, obstructed
 from compunits import NO_CROSSING, NO_LINK, SEEN_CAR
 from dyknow import (
     NO_VALUE,
@@ -62,7 +62,6 @@ SLOW_M_S: Final = 2.0
 LATE_US: Final = US_PER_S // 2
 AGAIN_US: Final = 10 * US_PER_S
 MOST_ROUTES: Final = 64
-_NO_NAME: Final = re.compile(r"[^A-Za-z0-9_-]|-(?![A-Za-z0-9_])|^-")
 
 _Ways: TypeAlias = tuple[tuple[str, str, str], ...]
 
@@ -121,7 +120,9 @@ class OnMap:
             line = self._places.network.links[place.link].line
             self._road_deg = 90.0 - math.degrees(line.at(place.offset_m, 0.0)[2])
         _, x_m, y_m = seen.value[:3]
-        return symbol, x_m, y_m, self._road_deg, place.link or NO_LINK, place.crossing or NO_CROSSING
+        names = self._places.network.names
+        link = NO_LINK if place.link is None else names[place.link]
+        return symbol, x_m, y_m, self._road_deg, link, NO_CROSSING if place.crossing is None else names[place.crossing]
 
 
 class _OnceASecond:
@@ -173,7 +174,6 @@ class TrafficOnLinks:
     def __init__(self, network: RoadNetwork, window_s: float = 60.0) -> None:
         self._second = _OnceASecond(network, round(window_s * US_PER_S))
         self._had = set[DirectedLink]()
-        self._symbols: dict[DirectedLink, str] = {}
 
     def __call__(self, now_us: int, seen: Sample | None, second: Sample | None) -> list[Sample] | None:
         valid_us = self._second.take(seen, second)
@@ -188,18 +188,15 @@ class TrafficOnLinks:
         flow, speed, density, vehicles = found or (0.0, NO_VALUE, 0.0, 0)
         open_m = self._second.network.links[way.link].width_m if place is None else place.open_m
         closing = "" if place is None else obstructed(way.link, place)
-        return self._symbol(way), flow * 3600.0, speed, density * 1000.0, float(vehicles), open_m, closing
-
-    def _symbol(self, way: DirectedLink) -> str:
-        """A name of an object; what is none in an id is `_`, and a number keeps two apart."""
-        if way not in self._symbols:
-            name = plain = _NO_NAME.sub("_", way_name(way)) or "_"
-            number = 1
-            while name in self._symbols.values():
-                number += 1
-                name = f"{plain}_{number}"
-            self._symbols[way] = name
-        return self._symbols[way]
+        return (
+            self._second.network.names[way_name(way)],
+            flow * 3600.0,
+            speed,
+            density * 1000.0,
+            float(vehicles),
+            open_m,
+            closing,
+        )
 
 
 class PassableRoutes:
@@ -278,8 +275,10 @@ def yes(from_us: int) -> Iterator[tuple[int, bool]]:
 
 
 def _turns(network: RoadNetwork, turn: str, from_us: int) -> Iterator[tuple[int, _Ways]]:
-    """(link, crossing, link) of all turns of one kind."""
-    yield from_us, tuple((link, *way) for link in network.links for way in network.turns.attributes(link)[turn])
+    """(link, crossing, link) of all turns of one kind, by their names."""
+    name = network.names
+    ways = ((link, *way) for link in network.links for way in network.turns.attributes(link)[turn])
+    yield from_us, tuple((name[arrived], name[crossing], name[departed]) for arrived, crossing, departed in ways)
 
 
 TURNS: Final = {"left_turns": "left", "right_turns": "right", "straights": "straight", "uturns": "uturn"}

@@ -15,6 +15,7 @@ MAX_MEMBERS: Final = 4096
 MAX_NAME: Final = 128
 """Longest name of a member, in characters."""
 _OBJECT: Final = re.compile(r"[A-Za-z_][A-Za-z0-9_]*(-[A-Za-z0-9_]+)*|[0-9]+")
+_OTHER: Final = re.compile(r"[^A-Za-z0-9_-]|-(?![A-Za-z0-9_])|^-")
 
 
 def members_of(value: Value) -> tuple[str, ...]:
@@ -61,7 +62,7 @@ def member_name(one: Value) -> str:
         raise SortError(f"{'a number of that size' if one > 0 else 'a negative number'} names no object")
     if not isinstance(one, str):
         raise SortError(f"a {type(one).__name__} names no object; a text or an integer does")
-    if len(one) > MAX_NAME or not _OBJECT.fullmatch(one) or (one in RESERVED and one not in {"from", "to"}):
+    if not is_object_name(one):
         raise SortError(f"{one[:80]!r} names no object")
     return one
 
@@ -70,3 +71,17 @@ class NamedMembers(tuple[str, ...]):
     """Members whose names are known to be names, each once."""
 
     __slots__ = ()
+
+
+def is_object_name(text: str) -> bool:
+    """Whether formulas, labels and sets take it as the name of an object."""
+    is_reserved = text in RESERVED and text not in {"from", "to"}
+    return len(text) <= MAX_NAME and _OBJECT.fullmatch(text) is not None and not is_reserved
+
+
+def object_name(text: str) -> str:
+    """A text as the name of an object: itself, if it is one, else with `_` in the place of what no name has, and cut."""
+    if is_object_name(text):
+        return text
+    plain = _OTHER.sub("_", text[: MAX_NAME - 1])
+    return plain if is_object_name(plain) else f"_{plain}"

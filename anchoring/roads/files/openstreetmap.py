@@ -57,9 +57,8 @@ def survey_openstreetmap(text: str | bytes) -> RoadSurvey:
     ways = [way for way in kept if len(way.nodes) > 1]
     used = {name for way in ways for name in way.nodes}
     if not used:
-        problems.error(
-            None, None, "no way in it is a road for cars with two nodes", "export an area with roads, and its nodes"
-        )
+        remedy = "export an area with roads, and its nodes; lanelets (Lanelet2) are no ways of roads: export OpenStreetMap or SUMO"
+        problems.error(None, None, "no way in it is a road for cars with two nodes", remedy)
         return problems.survey(None)
     latitudes, longitudes = zip(*(nodes[name] for name in used), strict=True)
     frame = LocalFrame((min(latitudes) + max(latitudes)) / 2, (min(longitudes) + max(longitudes)) / 2, 0.0)

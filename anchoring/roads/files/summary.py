@@ -11,6 +11,7 @@ class RoadSummary(NamedTuple):
     Attributes:
         parts: how many parts have no road between them; crossings without roads do not count.
         dead_ends: crossings with one link, and ends of links without a crossing.
+        turns: ways through crossings that are recognised: left, right, straight on and back.
     """
 
     crossings: int
@@ -20,6 +21,7 @@ class RoadSummary(NamedTuple):
     length_m: float
     parts: int
     dead_ends: int
+    turns: int
 
 
 def summary_of(network: RoadNetwork) -> RoadSummary:
@@ -41,4 +43,5 @@ def summary_of(network: RoadNetwork) -> RoadSummary:
         sum(link.length_m for link in links),
         nx.number_connected_components(graph),
         open_ends + sum(len(arms) == 1 for arms in network.arms.values()),
+        sum(len(ways) for link in network.links for ways in network.turns.attributes(link).values()),
     )

@@ -64,7 +64,7 @@ def _contents(network: "RoadNetwork") -> dict[str, Any]:
 
 
 def _sentence(contents: dict[str, Any]) -> str:
-    parts = [counted(contents[name], name[:-1]) for name in ("crossings", "links", "lanes", "areas")]
+    parts = [counted(contents[name], name[:-1]) for name in ("crossings", "turns", "links", "lanes", "areas")]
     origin = contents["origin"]
     where = "x and y in metres" if origin is None else f"origin at {origin[0]:g}, {origin[1]:g}"
     graph = f"{counted(contents['parts'], 'part')}, {counted(contents['dead_ends'], 'dead end')}"

@@ -109,4 +109,7 @@ def test_a_summary_counts_parts_and_dead_ends() -> None:
     assert (summary.crossings, summary.links, summary.lanes, summary.areas) == (3, 2, 4, 0)
     assert (summary.parts, summary.dead_ends) == (2, 4)
     assert summary.length_m == pytest.approx(169.3, abs=0.1)
-    assert summary_of(TRIANGLE)[5:] == (1, 0)
+    assert summary_of(TRIANGLE)[5:7] == (1, 0)
+    assert summary_of(TRIANGLE).turns == sum(
+        len(way) for way in (TRIANGLE.turns.attributes(link) for link in TRIANGLE.links) for way in way.values()
+    )

@@ -223,3 +223,27 @@ def test_a_damaged_text_has_problems_or_is_read_and_nothing_crashes(
     assert (survey.network is None) == any(each.severity == "error" for each in survey.problems)
     if survey.network is not None:
         assert all(math.isfinite(link.length_m) for link in survey.network.links.values())
+
+
+@pytest.mark.parametrize(
+    ("root", "converter"),
+    [
+        ("OpenDRIVE", "netconvert --opendrive-files"),
+        ("commonRoad", "CommonRoad Scenario Designer"),
+        ("net2", "root is <net>"),
+    ],
+)
+def test_a_format_of_others_is_refused_with_what_converts_it(root: str, converter: str) -> None:
+    survey = survey_any(f"<{root}><road/></{root}>")
+    assert survey.network is None
+    (problem,) = survey.problems
+    assert f"<{root}>" in problem.message
+    assert converter in problem.remedy
+
+
+def test_lanelets_are_no_ways_of_roads() -> None:
+    survey = survey_any(
+        '<osm version="0.6"><node id="1" lat="1" lon="1"/><relation id="2"><tag k="type" v="lanelet"/></relation></osm>'
+    )
+    assert survey.network is None
+    assert "Lanelet2" in survey.problems[0].remedy

@@ -72,6 +72,31 @@ def test_figure_8_6_both_tasks_are_monitored_at_once_and_a_car_keeps_its_symbol_
     ]
 
 
+def test_turns_are_recognised_on_a_map_whose_ids_are_no_names_of_objects(folder, tmp_path):
+    """As SUMO (`-103` is the way back) and OpenStreetMap (`4711.0` is a part of a way) have them."""
+    town = (EXAMPLES / "town.geojson").read_text("utf-8")
+    for plain, odd in {"l1": "4711.0", "l2": "-103", "l3": "4711.1", "l4": "103", "x1": "cluster:1 2"}.items():
+        town = town.replace(f'"{plain}"', f'"{odd}"')
+    (tmp_path / "town.geojson").write_text(town, "utf-8")
+    shutil.copy(EXAMPLES / "town.py", tmp_path)
+    done = run(
+        ["kpl", "run", str(EXAMPLES / "monitoring.kpl"), "--units", str(tmp_path / "town.py"),
+         "--feed", str(EXAMPLES / FEEDS["monitoring.kpl"]), "--json"],
+        environment(folder),
+        ROOT,
+    )  # fmt: skip
+    assert done.returncode == 0, done.stderr
+    assert "names no object" not in done.stderr
+    every = [json.loads(each) for each in done.stdout.splitlines()]
+    found = [
+        (each["stream"], each["value"][0]) for each in every if each.get("stream") in {"turns_left", "goes_straight"}
+    ]
+    assert found == [
+        ("turns_left", ["co1", "_4711_0", "cluster_1_2", "_4711_1"]),
+        ("goes_straight", ["co2", "_4711_0", "cluster_1_2", "_103"]),
+    ]
+
+
 CHAINS = {
     "overtakes.kpl": [
         ("seen_cars", "seen_cars.objects", "car_pairs", "car_pair[a, b]"),
