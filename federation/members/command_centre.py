@@ -92,7 +92,7 @@ class CommandCentre:
         self.followed: dict[str, Dialogue] = {}
         self._changed_us = now_us
         self._tokens: dict[str, dict[str, str]] = {}
-        self._seen_us: int | None = None
+        self._seen_us: dict[str, int] = {}
 
     @property
     def unit(self) -> str:
@@ -304,20 +304,21 @@ class CommandCentre:
 
         Where they do not name each other (there is one, or none hears another yet), nothing has changed for `quiet_us`.
         In a federation with a roster the clock of each is known, too: its acts are not believed before that.
-        `PATIENT_US` after the first platform was seen all is known that comes of itself: a member that keeps
-        silent, or names others that are not there, holds up no question from then on.
+        `PATIENT_US` after a member was seen first all is known of it that comes of itself: if it keeps silent, or names others
+        that are not there, it holds up no question from then on.
         """
         there = self.platforms(all_kinds=True)
         uavs = {view.unit: view.entry for view in there if view.kind == "uav"}
+        self._seen_us = {view.unit: self._seen_us.get(view.unit, now_us) for view in there}
         if not uavs:
-            self._seen_us = None
             return False
-        self._seen_us = now_us if self._seen_us is None else self._seen_us
-        if now_us >= self._seen_us + PATIENT_US:
+        new = [view for view in there if now_us < self._seen_us[view.unit] + PATIENT_US]
+        if not new:
             return True
-        if any(view.entry is None or not view.entry.version for view in there):
+        if any(view.entry is None or not view.entry.version for view in new):
             return False
-        if self.member.trust is not None and any(self.member.offsets.of(unit) is None for unit in uavs):
+        is_signed = self.member.trust is not None
+        if is_signed and any(view.kind == "uav" and self.member.offsets.of(view.unit) is None for view in new):
             return False
         is_mutual = all(entry is not None and uavs.keys() & {*entry.hears} for entry in uavs.values())
         return is_mutual or now_us - self._changed_us >= quiet_us

@@ -27,3 +27,19 @@ def test_one_that_is_silent_and_names_others_that_are_not_there_is_not_waited_fo
                 took_us.append(box.now_us - began_us)
     assert len(took_us) > 10
     assert max(took_us) < 50_000
+
+
+def test_a_newcomer_is_waited_for_however_long_the_others_are_known() -> None:
+    box = Box()
+    box.join("0", Vehicle())
+    box.run(1.0)
+    with Client(box.surroundings(), command_centre(Settings(), "cc-9")) as client:
+        client.run(jobs.platforms(client))
+        box.run(10.0)
+        box.join("1", Vehicle(north_m=100.0))
+        there = client.run(jobs.platforms(client))
+        described = {view.unit: view.entry is not None and bool(view.entry.version) for view in there}
+        box.run(1.0)
+        if "1" in described:  # its token has arrived
+            assert described["1"]
+        assert {view.unit for view in client.run(jobs.platforms(client))} == {"0", "1"}
