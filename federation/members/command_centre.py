@@ -304,15 +304,17 @@ class CommandCentre:
 
         Where they do not name each other (there is one, or none hears another yet), nothing has changed for `quiet_us`.
         In a federation with a roster the clock of each is known, too: its acts are not believed before that.
-        `PATIENT_US` after a member was seen first all is known of it that comes of itself: if it keeps silent, or names others
-        that are not there, it holds up no question from then on.
+        `PATIENT_US` after a member was seen first all is known of it that comes of itself: if it keeps silent, it holds up no
+        question from then on; nor do members that only others name, that long after there was any.
         """
         there = self.platforms(all_kinds=True)
         uavs = {view.unit: view.entry for view in there if view.kind == "uav"}
-        self._seen_us = {view.unit: self._seen_us.get(view.unit, now_us) for view in there}
         if not uavs:
+            self._seen_us = {}
             return False
-        new = [view for view in there if now_us < self._seen_us[view.unit] + PATIENT_US]
+        shown = {view.unit: view.unit if view.entry is not None or view.unit in self._tokens else "" for view in there}
+        self._seen_us = {key: self._seen_us.get(key, now_us) for key in {"", *shown.values()}}
+        new = [view for view in there if now_us < self._seen_us[shown[view.unit]] + PATIENT_US]
         if not new:
             return True
         if any(view.entry is None or not view.entry.version for view in new):

@@ -35,11 +35,9 @@ def test_a_newcomer_is_waited_for_however_long_the_others_are_known() -> None:
     box.run(1.0)
     with Client(box.surroundings(), command_centre(Settings(), "cc-9")) as client:
         client.run(jobs.platforms(client))
-        box.run(10.0)
+        client.wait_for(lambda: False, 10.0)
         box.join("1", Vehicle(north_m=100.0))
+        client.wait_for(lambda: len(client.centre.platforms()) == 2, 5.0)
         there = client.run(jobs.platforms(client))
-        described = {view.unit: view.entry is not None and bool(view.entry.version) for view in there}
-        box.run(1.0)
-        if "1" in described:  # its token has arrived
-            assert described["1"]
-        assert {view.unit for view in client.run(jobs.platforms(client))} == {"0", "1"}
+        assert all(view.entry is not None and view.entry.version for view in there)
+        assert {view.unit for view in there} == {"0", "1"}
