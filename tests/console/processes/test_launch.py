@@ -8,7 +8,7 @@ import pytest
 from console.command import Call
 from console.commands.fleet.up import planned
 from console.output.output import Output
-from console.processes.launch import FleetPlan, fleet_of, together
+from console.processes.launch import FleetPlan, fleet_of, journal_of, together
 from dyknow.model.errors import WrongCall
 from runtime.configuration.config import MavlinkVehicle, ReplayedVehicle, SimulatedVehicleConfig
 from runtime.configuration.local_endpoints import free_ports
@@ -197,9 +197,8 @@ def test_a_journal_that_cannot_be_kept_is_refused(tmp_path: Path) -> None:
         fleet_of(_call(journal=tmp_path / "taken"), PLAN, NOW_US)
     flown = tmp_path / "log.mcap"
     flown.write_bytes(b"")
-    own = _call(journal=str(tmp_path), unit={"log": {"replay": str(flown), "from": "0s"}})
     with pytest.raises(WrongCall, match="is what platform log replays"):
-        fleet_of(own, PLAN, NOW_US)
+        journal_of(tmp_path, "log", ReplayedVehicle(file=flown))
     assert flown.exists()
 
 

@@ -12,7 +12,10 @@ def test_a_network_is_summed_up_in_a_sentence(dyknow: Run, tmp_path: Path) -> No
     done = dyknow("roads", "check", str(file))
     assert done.returncode == 0
     shown = " ".join(done.stdout.split())
-    assert "GeoJSON, 1 crossing, 4 links, 8 lanes, 0 areas, 0.8 km, 1 part, 4 dead ends, x and y in metres" in shown
+    assert (
+        "GeoJSON, 1 crossing, 16 turns, 4 links, 8 lanes, 0 areas, 0.8 km, 1 part, 4 dead ends, x and y in metres"
+        in shown
+    )
 
 
 def test_each_problem_is_a_line_with_the_feature_the_cause_and_the_remedy(dyknow: Run, tmp_path: Path) -> None:

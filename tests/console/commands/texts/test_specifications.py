@@ -92,7 +92,7 @@ def test_a_file_that_cannot_be_read_is_a_wrong_call(dyknow: Run, tmp_path: Path,
 
 def test_a_file_that_is_no_text_or_far_too_long_is_a_wrong_call(dyknow: Run, tmp_path: Path) -> None:
     path = tmp_path / "mission.kpl"
-    for content, said in ((b"\xff\xfe\x00", "cannot be read"), (b" " * (2 << 20), "larger than")):
+    for content, said in ((b"\xff\xfe\x00", "cannot be read"), (b" " * (2 << 20), "longer than")):
         path.write_bytes(content)
         done = dyknow("kpl", "check", str(path))
         assert done.returncode == 2
