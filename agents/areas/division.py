@@ -79,7 +79,7 @@ class PlatformAbility:
         return " and ".join(label for label in ("top-speed", "battery") if label not in self.values)
 
     def unbelieved(self) -> list[str]:
-        """What it states and no vehicle has, with what is counted instead."""
+        """Values that it states and no vehicle can have, each with the value that is counted instead."""
         found = []
         speed, battery = self._number("top-speed", SPEED_M_S), self._number("battery", BATTERY)
         if not 0.0 <= speed <= SPEED_MOST_M_S:

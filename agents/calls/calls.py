@@ -144,7 +144,7 @@ class Calls(Part):
             self._note(f"call for {label}: {news.event}{f' {unit}' if unit else ''}: {news.text}")
 
     def conditions(self) -> Iterable[ConditionEntry]:
-        """Platforms that do not keep what they propose, and calls without a producer."""
+        """Platforms that break their proposals, and calls without a producer."""
         unkept = [ConditionEntry(text=each.text, since_us=each.since_us) for each in self._unkept]
         waiting = [
             ConditionEntry(text=f"call for {each.wanted}: no platform produces it", since_us=each.since_us)
@@ -166,7 +166,7 @@ class Calls(Part):
         self._look(now_us)
 
     def _look(self, now_us: int) -> None:
-        """Say which platforms do not keep what they propose."""
+        """Show the platforms that break their proposals."""
         unkept = tuple(self._record.shown(now_us))
         texts, before = ([each.text for each in these] for these in (unkept, self._unkept))
         self._unkept = unkept

@@ -139,7 +139,7 @@ class PeerMotion(Part):
             yield ConditionEntry(text=seen.text[:200], since_us=max(0, seen.since_us))
 
     def on_peer(self, change: PeerChange, now_us: int) -> None:  # noqa: ARG002  (as all parts)
-        """One that is gone states nothing; what was seen of it is shown for its time."""
+        """A platform that is gone states nothing more; its conditions stay until their time is over."""
         if isinstance(change, PlatformGone):
             self._peers.pop(change.unit, None)
 
@@ -148,7 +148,7 @@ class PeerMotion(Part):
         return self._look_us
 
     def on_time(self, now_us: int) -> None:
-        """Compare the vehicles with each other; what has not been seen for a while is shown no longer."""
+        """Compare the vehicles with each other; drop conditions without new evidence."""
         if self._look_us is None or now_us < self._look_us:
             return
         new = {unit for unit, peer in self._peers.items() if peer.is_new}
@@ -166,7 +166,7 @@ class PeerMotion(Part):
     # -- two that state the same -------------------------------------------------------------------------------
 
     def _compare(self, new: set[str]) -> None:
-        """Note equal positions at equal times; what came later repeats what came before."""
+        """Note equal positions at equal times; the stream that arrives later is the copy."""
         by_place: dict[tuple[int, float, float], tuple[str, StatedPlace]] = {}
         alike: dict[tuple[str, str], _Alike] = {}
         for unit, place in chain(self._own_places(), self._places(new)):

@@ -53,11 +53,9 @@ class Attempts:
     @property
     def how(self) -> str:
         """How often, in words that change seldom."""
-        return (
-            "once"
-            if self.count == 1
-            else f"{10 ** (len(str(self.count)) - 1) if self.count >= 10 else 2} times or more"
-        )
+        if self.count == 1:
+            return "once"
+        return f"{max(2, 10 ** (len(str(self.count)) - 1))} times or more"
 
 
 @dataclass(frozen=True, slots=True)
