@@ -213,3 +213,7 @@ def test_no_message_of_a_hostile_recording_ends_a_platform(
     for _, what in schedule(FederationRecording(path), "0", recorded(0, file=path)):
         world.happens("0", what if isinstance(what, OffersPlayed) else Played(0, (what,)))
     world.run(0.2)
+    before_us = world.now_us
+    world.run(0.2)
+    assert "0" in world.platforms, "it continues"
+    assert world.now_us == before_us + 200_000
