@@ -17,7 +17,7 @@ from runtime.library.alarm_news import AlarmItem, follow_alarms
 from runtime.library.calls import CallItem, call_for, wanted_of
 from runtime.library.feed import Feed
 from runtime.library.member_thread import MemberThread, settings_of
-from runtime.library.missions import mission_of
+from runtime.library.missions import AbortedMission, abort_mission, mission_of
 from runtime.library.pictures.saliency import FoundPerson, saliency_map
 from runtime.library.questions import Which
 from runtime.library.results import QueryResult, UnitSample
@@ -316,6 +316,15 @@ class FederationClient(_Face):
         """Have platforms reach the goals of a problem, as `dyknow mission start` does; texts, and fields of `MissionRequest`."""
         return DelegatedTask(self, *self._do(self._begun(mission_of(self._client, domain, problem, to, given))))
 
+    def abort_mission(self, name: str | None = None) -> AbortedMission:
+        """End a mission at each platform, as `dyknow mission abort` does; `.unsure` says where it may continue, and why.
+
+        Raises:
+            NothingFound: there is none of that name.
+            WrongCall: several run, and none is named.
+        """
+        return self._do(abort_mission(self._client, name))
+
     def saliency(self, unit: str | int | None = None) -> list[FoundPerson]:
         """The persons that platforms have found, on the map of one platform or of all; `.name`, `.x_m`, `.y_m`, `.by`, ..."""
         return list(self._do(saliency_map(self._client, _name(unit))).persons)
@@ -388,6 +397,10 @@ class AsyncFederationClient(_Face):
         return AsyncDelegatedTask(
             self, *await self._done(self._begun(mission_of(self._client, domain, problem, to, given)))
         )
+
+    async def abort_mission(self, name: str | None = None) -> AbortedMission:
+        """See `FederationClient.abort_mission`."""
+        return await self._done(abort_mission(self._client, name))
 
     async def saliency(self, unit: str | int | None = None) -> list[FoundPerson]:
         """See `FederationClient.saliency`."""

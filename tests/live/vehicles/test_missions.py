@@ -14,6 +14,7 @@ import pytest
 from pymavlink import mavutil
 
 from dyknow import connect
+from dyknow.model.errors import NothingFound
 from tests.live.command_line.command import RUN, Dyknow
 
 pytestmark = pytest.mark.live
@@ -162,3 +163,18 @@ def test_the_cheaper_of_two_proposals_is_flown_if_it_is_consented_to_and_a_progr
         lines = [str(each) for each in task.events]
     assert any("reached" in each for each in lines), lines
     assert {entry["mission"] for entry in dyknow.run("mission", "status")} == {"m1", "m2"}
+
+
+@pytest.mark.timeout(200)
+def test_a_program_ends_a_mission_at_each_platform(dyknow: Dyknow, monkeypatch: pytest.MonkeyPatch) -> None:
+    dyknow.run("up", "2", "--scenario", "hover", "--detach")
+    monkeypatch.setenv("XDG_RUNTIME_DIR", str(dyknow.directory))
+    domain, problem = ((EXAMPLES / name).read_text("utf-8") for name in ("survey.dom", "one.prob"))
+    with connect(dyknow.federation) as fed:
+        fed.mission(domain, problem, to=0, name="m3", search_s=5.0)
+        found = fed.abort_mission("m3")
+        assert (found.name, set(found.ended), dict(found.unsure)) == ("m3", {"0", "1"}, {})
+        with pytest.raises(NothingFound):
+            fed.abort_mission("never")
+    (entry,) = dyknow.run("mission", "status")
+    assert entry["phase"] == "ended", entry
