@@ -6,8 +6,18 @@ after a second a new one; an object that is seen on a road for a second is on th
 
 from typing import Final
 
+from anchoring.links.motion import MotionPredictor
 from anchoring.links.prediction import Predictor
-from anchoring.links.specification import FROM, THRESHOLD, TO, USUAL, LinkSpecification, Threshold, unlikelihood
+from anchoring.links.specification import (
+    FROM,
+    THRESHOLD,
+    TO,
+    USUAL,
+    Lasting,
+    LinkSpecification,
+    Threshold,
+    unlikelihood,
+)
 from anchoring.roads.network import RoadNetwork
 from anchoring.roads.objects import OnRoad
 from anchoring.roads.prediction import AlongRoads
@@ -23,6 +33,8 @@ NEW: Final = Eventually(Const(value=True), US_PER_S, None)
 ROAD_SEEN: Final = Always(Feature("on_road", (FROM,)), 0, US_PER_S)
 ON_A_ROAD: Final = Eventually(ROAD_SEEN, US_PER_S, None)
 STAYS_ON_ROADS: Final = Always(Eventually(ROAD_SEEN, 0, 10 * US_PER_S))
+CANDIDATES: Final = 3
+"""Known objects that a percept may be, until it is certain which."""
 SLACK_M: Final = 3.0
 """Beyond the edge of a road a position counts as on it: what sensors err."""
 ROAD_NOISE: Final = 4.0
@@ -33,7 +45,18 @@ def ready_specification(
     roads: RoadNetwork | None = None, predictor: Predictor | None = None, threshold: Threshold = USUAL
 ) -> tuple[LinkSpecification, ...]:
     """Vision percepts to world objects, and with roads to on-road objects; `predictor` is of the latter."""
-    world = LinkSpecification(VISION, WORLD, NEW, NEAR, threshold=threshold, score=unlikelihood)
+    world = LinkSpecification(
+        VISION,
+        WORLD,
+        NEW,
+        NEAR,
+        predictor=MotionPredictor(),
+        lasting=Lasting(),
+        is_adaptive=True,
+        threshold=threshold,
+        score=unlikelihood,
+        candidates=CANDIDATES,
+    )
     if roads is None:
         return (world,)
     on_road = LinkSpecification(
@@ -44,6 +67,8 @@ def ready_specification(
         STAYS_ON_ROADS,
         unit=OnRoad(roads),
         predictor=predictor or AlongRoads(roads, noise=ROAD_NOISE),
+        lasting=Lasting(),
+        is_adaptive=True,
         threshold=threshold,
         score=unlikelihood,
         features={"on_road": lambda state: roads.on_road(state.x_m, state.y_m, SLACK_M)},

@@ -67,7 +67,7 @@ class ObjectBeginnings:
             state, began_us = None, self._began_us(source)
             for each in states:
                 if began_us <= each.valid_us < event.valid_us:
-                    state = link.unit(each, None if state is None else moved(state, each.valid_us, link.noise))
+                    state = link.unit(each, None if state is None else link.later(state, each.valid_us))
                     if target[0] in self._sources:
                         self._note(target, state)
                     yield StateRecord(each.valid_us, event.target, event.target_type, state, (event.source,), None)

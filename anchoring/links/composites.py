@@ -128,7 +128,7 @@ class CompositeObjects:
 
     def _join(self, valid_us: int, fresh: Mapping[str, LinkObject]) -> None:
         """Take the states of two that may belong together; what has failed begins again at the next."""
-        near = NearObjects(((each.symbol, each.whereabouts) for each in fresh.values()), self._bound_m, keeps_all=False)
+        near = NearObjects({each.symbol: each.whereabouts for each in fresh.values()}, self._bound_m, keeps_all=False)
         pairs = {pair for pair in self._evaluations if fresh.keys() >= set(pair)}
         for symbol, one in fresh.items():
             pairs |= {_ordered(symbol, other) for other, _ in near.of(one.state, ()) if other != symbol}

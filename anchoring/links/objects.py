@@ -79,6 +79,7 @@ class LinkObject:
         prediction: the latest since then; None while it is observed.
         incoming, outgoing: live links, by the name of their process.
         anchored_us: when it was anchored last.
+        seen_us: how long it was anchored, all together.
         individual: what is learnt of its motion; None for percepts.
         classes: by what it was classified last, by the name that exclusive specifications share.
     """
@@ -92,6 +93,7 @@ class LinkObject:
     incoming: "dict[str, ObjectLink]" = field(default_factory=dict)
     outgoing: "dict[str, ObjectLink]" = field(default_factory=dict)
     anchored_us: int = 0
+    seen_us: int = 0
     individual: Individual | None = None
     classes: dict[str, str] = field(default_factory=dict)
     history: deque[LinkEvent] = field(default_factory=lambda: deque(maxlen=LINKS_KEPT))

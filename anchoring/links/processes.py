@@ -7,18 +7,25 @@ maintain condition failed, at the next one. Pairs that a gate keeps apart cost n
 """
 
 from collections.abc import Collection, Iterable, Iterator, Mapping
-from typing import Protocol
+from math import log, pi
+from typing import Final, Protocol
 
 from anchoring.links.assignment import natural
 from anchoring.links.deciding.candidates import LinkCandidate, LinkCandidates, OpenLink, assigned_with, reassigned
 from anchoring.links.deciding.conditions import PairCondition
+from anchoring.links.deciding.gating import gate_of
 from anchoring.links.deciding.nearness import NearObjects
 from anchoring.links.deciding.waiting import ReestablishPair, Unlinked
+from anchoring.links.motion import Spacing
 from anchoring.links.objects import EventKind, LastSeen, LinkObject, LinkReason, ObjectLink
 from anchoring.links.prediction import ObjectPrediction, certain
 from anchoring.links.specification import LinkSpecification, filtered
-from anchoring.links.states import ObjectState, intersected, moved, weighed
+from anchoring.links.states import ObjectState, intersected, weighed
 from reasoning import Progressing
+
+
+_ALONE: Final = 0.5
+"""The score of being none of the known objects, where that is weighed: a doubtful pair rather than none."""
 
 
 class LinkSurroundings(Protocol):
@@ -53,8 +60,10 @@ class LinkProcess:
         self.specification = specification
         self.name = specification.name
         self._establish = PairCondition(specification.establish, specification)
-        self._reestablish = PairCondition(specification.reestablish, specification)
-        self._maintain = PairCondition(specification.maintain, specification)
+        self._spacing = Spacing() if specification.is_adaptive else None
+        thresh = None if self._spacing is None else self._thresh
+        self._reestablish = PairCondition(specification.reestablish, specification, thresh=thresh)
+        self._maintain = PairCondition(specification.maintain, specification, thresh=thresh)
         self._around = surroundings
         self.unlinked: dict[str, Unlinked] = {}
         self.available: dict[str, tuple[LinkObject, int]] = {}
@@ -98,6 +107,8 @@ class LinkProcess:
         """Take the states of all objects of A that have one at `valid_us` and are linked."""
         self.evaluations = 0
         moved_over = self._weigh(valid_us, sources) if self.candidates else ()
+        if self._spacing is not None:
+            self._spacing.on_states(valid_us, [one.state for one in sources if one.prediction is None])
         for one in sources:
             if (link := one.outgoing.get(self.name)) is not None and one.symbol not in moved_over:
                 self._update(valid_us, link)
@@ -123,7 +134,7 @@ class LinkProcess:
         if before is None:
             waiting.estimate = self._first(one)
         elif before.valid_us < state.valid_us:
-            waiting.estimate = self.specification.unit(state, moved(before, state.valid_us, self.specification.noise))
+            waiting.estimate = self.specification.unit(state, self.specification.later(before, state.valid_us))
         return waiting.estimate or state
 
     def _update(self, valid_us: int, link: ObjectLink) -> None:
@@ -155,7 +166,7 @@ class LinkProcess:
         self._drop_taken()
         shown = {one.symbol: one for one in sources if one.prediction is None and one.symbol in self.candidates}
         for symbol, one in shown.items():
-            self.candidates[symbol].on_state(valid_us, one.state, self.specification.noise)
+            self.candidates[symbol].on_state(valid_us, one.state, self.specification.later)
         moving = reassigned(self.candidates, shown)
         self._go_over(valid_us, moving)
         self._drop_taken()
@@ -203,14 +214,14 @@ class LinkProcess:
         if link.state is None or not (others or specification.correlated):
             prior = self._prior(valid_us, link.source.state, target)
         else:
-            prior = moved(link.state, valid_us, specification.noise)
+            prior = specification.later(link.state, valid_us)
         state = specification.unit(link.source.state, prior)
         if specification.is_recursive and not specification.correlated:
             return state
         link.state = state
         for other in others:
             fused = intersected if specification.correlated or other.process.specification.correlated else weighed
-            state = fused(moved(other.state or state, valid_us, specification.noise), state)
+            state = fused(specification.later(other.state or state, valid_us), state)
         return state
 
     def _prior(self, valid_us: int, state: ObjectState, target: LinkObject) -> ObjectState | None:
@@ -218,7 +229,7 @@ class LinkProcess:
         if not target.observed:
             return None
         if target.prediction is None:
-            return moved(target.state, valid_us, self.specification.noise)
+            return self.specification.later(target.state, valid_us)
         return self._around.expected(target, valid_us).nearest(state)
 
     def _decide(self, valid_us: int, unlinked: list[tuple[LinkObject, Unlinked]]) -> None:
@@ -229,7 +240,7 @@ class LinkProcess:
         sources: dict[str, LinkObject] = {}
         new: list[tuple[LinkObject, Progressing]] = []
         open_links = self._open_links()
-        near = self._near(valid_us, open_links)
+        near = self._near(valid_us, open_links, unlinked)
         gate = self._reestablish.gate
         for one, waiting in unlinked:
             if gate is not None:
@@ -245,11 +256,12 @@ class LinkProcess:
                 since_us = open_links[target].link.since_us if target in open_links else self.available[target][1]
                 evaluation = self._progressed(valid_us, one, waiting, target, whereabouts, since_us)
                 if evaluation is not None and evaluation.verdict == "true":
-                    scores[one.symbol, target] = self.specification.score(one.state, whereabouts)
+                    scores[one.symbol, target] = self._score(one.state, whereabouts)
                     held[one.symbol, target] = evaluation
                     known.setdefault(one.symbol, {})[target] = whereabouts
                     sources[one.symbol] = one
-        chosen = assigned_with(scores, open_links.values(), self.available)
+        alone = None if self._spacing is None else _ALONE
+        chosen = assigned_with(scores, open_links.values(), self.available, alone)
         before = self._before(open_links, {target for _, target in scores})
         moving = {name: target for name, target in chosen.items() if name not in sources}
         self._go_over(valid_us, {name: to for name, to in moving.items() if to != self.candidates[name].chosen})
@@ -263,6 +275,7 @@ class LinkProcess:
             if one.symbol not in chosen:
                 reason = LinkReason("establish", self._establish.formula, establish.explain())
                 created = self._around.create(valid_us, self.specification.target, self._first(one))
+                created.seen_us = valid_us - one.created_us
                 self._link(valid_us, "established", one, created, reason)
 
     def _open_links(self) -> dict[str, OpenLink]:
@@ -298,20 +311,38 @@ class LinkProcess:
 
     def _first(self, source: LinkObject) -> ObjectState:
         """The state of a new object: of what its source has shown until now."""
-        unit, noise = self.specification.unit, self.specification.noise
+        unit, later = self.specification.unit, self.specification.later
         states = [*source.observed]
         if source.prediction is not None:
             states.append(source.state)
         state = unit(states[0], None)
         for each in states[1:]:
-            state = unit(each, moved(state, each.valid_us, noise))
+            state = unit(each, later(state, each.valid_us))
         return state
 
-    def _near(self, valid_us: int, open_links: Mapping[str, OpenLink]) -> NearObjects:
+    def _thresh(self, state: ObjectState, whereabouts: ObjectPrediction) -> float:
+        """How far a state may be from where an object is expected, by what is usual here."""
+        spacing, most_m = self._spacing, self.specification.threshold.most_m
+        return most_m if spacing is None else spacing.reach_m(state, whereabouts.nearest(state), most_m)
+
+    def _score(self, state: ObjectState, whereabouts: ObjectPrediction) -> float:
+        """How badly it fits; against being another, that is less than 0 where it is likelier the object that is expected."""
+        score = self.specification.score(state, whereabouts)
+        if self._spacing is None:
+            return score
+        return score + 2.0 * log(2.0 * pi * self._spacing.density(whereabouts.nearest(state)))
+
+    def _near(
+        self, valid_us: int, open_links: Mapping[str, OpenLink], unlinked: Iterable[tuple[LinkObject, Unlinked]]
+    ) -> NearObjects:
         """The objects that are available, or may be claimed, where they are expected now."""
-        gate = self._reestablish.gate
+        gate, expected = self._reestablish.gate, dict(self._expected(valid_us, open_links))
+        if self._spacing is not None:
+            places = (hypothesis.state for each in expected.values() for hypothesis in each.hypotheses)
+            most_m = self._spacing.most_m((one.state for one, _ in unlinked), places, self.specification.threshold.most_m)
+            gate = gate_of(self._reestablish.formula, most_m)
         return NearObjects(
-            self._expected(valid_us, open_links),
+            expected,
             None if gate is None else gate.bound_m,
             gate is not None and gate.keeps_all,
         )

@@ -14,8 +14,9 @@ from math import exp, log
 from types import MappingProxyType
 from typing import Final, NamedTuple, Protocol, TypeAlias, TypeVar
 
+from anchoring.links.motion import noise_of
 from anchoring.links.prediction import ObjectPrediction, Predictor
-from anchoring.links.states import ObjectState, diagonal, weighed
+from anchoring.links.states import ObjectState, diagonal, moved, weighed
 from dyknow import US_PER_S, Value
 from reasoning.formulas.tree import Const, Formula
 
@@ -46,6 +47,22 @@ class Threshold(NamedTuple):
 
 
 USUAL: Final = Threshold()
+
+
+class Lasting(NamedTuple):
+    """How long an object that no percept shows is kept, and predicted, by how long it was seen before, all together.
+
+    It is kept `kept` times as long, and has states for `predicted` times as long: what it was for a second is little reason to
+    expect it for a minute.
+
+    Attributes:
+        least_kept_us, least_predicted_us: at least that long; not predicted for longer than it was seen.
+    """
+
+    kept: float = 1.0
+    predicted: float = 0.4
+    least_kept_us: int = 10 * US_PER_S
+    least_predicted_us: int = 2 * US_PER_S
 
 
 def distance(state: ObjectState, expected: ObjectPrediction) -> float:
@@ -96,6 +113,9 @@ class LinkSpecification:
         predictor: of objects of B that are not linked; None: they are where the objects below them are.
         noise: density of the acceleration noise between two samples, m^2/s^3.
         forget_us: objects of B that were not anchored for so long are removed.
+        lasting: how long they are kept before that, and predicted; None: for `forget_us`, all of them.
+        is_adaptive: `noise` is that of the kind of thing, or of its speed, and `thresh` is not more than that of `threshold` but
+            follows from how certain both positions are, and how far apart things are; see `motion`.
         threshold: what `thresh` is in the conditions.
         exclusive: specifications with the same name here exclude each other for one object of A.
         correlated: errors of this process may be correlated with those of others into B; else they are independent.
@@ -115,6 +135,8 @@ class LinkSpecification:
     predictor: Predictor | None = None
     noise: float = 2.0
     forget_us: int = 30 * US_PER_S
+    lasting: Lasting | None = None
+    is_adaptive: bool = False
     threshold: Threshold = USUAL
     score: Score = distance
     exclusive: str = ""
@@ -128,6 +150,22 @@ class LinkSpecification:
     def name(self) -> str:
         """As it is printed."""
         return f"{self.source} -> {self.target}"
+
+    def later(self, state: ObjectState, to_us: int) -> ObjectState:
+        """A state predicted to a later time, between two samples."""
+        return moved(state, to_us, noise_of(state) if self.is_adaptive else self.noise)
+
+    def kept_us(self, seen_us: int) -> int:
+        """How long an object that was seen for so long is kept while it is not anchored."""
+        if self.lasting is None:
+            return self.forget_us
+        return min(self.forget_us, max(self.lasting.least_kept_us, round(self.lasting.kept * seen_us)))
+
+    def predicted_us(self, seen_us: int) -> int:
+        """How long it has states while it is not anchored."""
+        if self.lasting is None:
+            return self.forget_us
+        return min(seen_us, max(self.lasting.least_predicted_us, round(self.lasting.predicted * seen_us)))
 
 
 class Typed(Protocol):

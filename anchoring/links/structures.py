@@ -22,7 +22,7 @@ from anchoring.links.prediction import ConstantVelocity, ObjectPrediction, Predi
 from anchoring.links.processes import LinkProcess, updated
 from anchoring.links.rhythm import Rhythm
 from anchoring.links.specification import LinkSpecification, in_order, prefix_of
-from anchoring.links.states import ObjectState, moved
+from anchoring.links.states import ObjectState
 from anchoring.links.top_down import TopDown
 from dyknow import Value
 from reasoning.formulas.tree import Formula
@@ -178,7 +178,9 @@ class ObjectLinkage:
                 self._top_down.seek_composites(valid_us, composites, updated(objects.values(), valid_us))
             fresh[type_] = updated(objects.values(), valid_us)
             self._forget(valid_us, type_)
-            outcome.states.extend(record_of(one) for one in fresh[type_] if one.symbol in objects)
+            outcome.states.extend(
+                record_of(one) for one in fresh[type_] if one.symbol in objects and self._has_state(one, valid_us)
+            )
         self._top_down.observe(valid_us)
         self.recent.extend(outcome.events[before:])
 
@@ -232,7 +234,7 @@ class ObjectLinkage:
         if one.state.valid_us == valid_us:
             return one.whereabouts
         if one.prediction is None and one.incoming:
-            return certain(moved(one.state, valid_us, next(iter(one.incoming.values())).process.specification.noise))
+            return certain(next(iter(one.incoming.values())).process.specification.later(one.state, valid_us))
         return self._predicted(one, valid_us)[1]
 
     def foreseen(self, one: LinkObject, valid_us: int) -> ObjectPrediction:
@@ -321,15 +323,25 @@ class ObjectLinkage:
 
     def _forget(self, valid_us: int, type_: str) -> None:
         """Remove objects of a type that were not anchored for too long."""
-        forget_us = max((each.specification.forget_us for each in self.into.get(type_, ())), default=_NEVER_US)
+        specified = [each.specification for each in self.into.get(type_, ())]
         for one in list(self._objects[type_].values()):
-            if any(
-                link.source.anchored_us == valid_us or link.source.type in self._rhythms
+            anchors = [
+                link
                 for link in one.incoming.values()
-            ):
+                if link.source.anchored_us == valid_us or link.source.type in self._rhythms
+            ]
+            if anchors:
+                one.seen_us += valid_us - max(one.anchored_us, min(link.since_us for link in anchors))
                 one.anchored_us = valid_us
-            elif valid_us - one.anchored_us >= forget_us:
+            elif valid_us - one.anchored_us >= max((each.kept_us(one.seen_us) for each in specified), default=_NEVER_US):
                 self.discard(valid_us, one, LinkReason("forgotten", for_us=valid_us - one.anchored_us))
+
+    def _has_state(self, one: LinkObject, valid_us: int) -> bool:
+        """Whether it is seen, or was for so long that it is still predicted."""
+        if one.prediction is None:
+            return True
+        specified = (each.specification for each in self.into.get(one.type, ()))
+        return valid_us - one.anchored_us <= max((each.predicted_us(one.seen_us) for each in specified), default=_NEVER_US)
 
     def discard(self, valid_us: int, one: LinkObject, reason: LinkReason) -> None:
         """An object is gone; its history is kept for a while."""

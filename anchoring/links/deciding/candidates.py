@@ -9,7 +9,7 @@ The object of a link that is not certain may be claimed by another percept: whic
 assignment of a tick, where each candidate costs the first -2 ln of its weight.
 """
 
-from collections.abc import Collection, Iterable, Mapping
+from collections.abc import Callable, Collection, Iterable, Mapping
 from dataclasses import dataclass
 from math import exp, log
 from typing import Final, NamedTuple
@@ -19,7 +19,7 @@ import numpy as np
 from anchoring.links.assignment import assigned
 from anchoring.links.objects import LastSeen, LinkObject, ObjectLink
 from anchoring.links.specification import filtered
-from anchoring.links.states import ObjectState, moved
+from anchoring.links.states import ObjectState
 
 LEAST_WEIGHT: Final = 0.02
 OPEN_WEIGHT: Final = 0.1
@@ -111,11 +111,11 @@ class LinkCandidates:
         """The symbols of those that are not linked."""
         return tuple(symbol for symbol in self._candidates if symbol != self.chosen)
 
-    def on_state(self, valid_us: int, state: ObjectState, noise: float) -> None:
+    def on_state(self, valid_us: int, state: ObjectState, later: Callable[[ObjectState, int], ObjectState]) -> None:
         """The percept has a state."""
         scores: dict[str, float] = {}
         for symbol, each in self._candidates.items():
-            expected = moved(each.state, valid_us, noise)
+            expected = later(each.state, valid_us)
             scores[symbol] = _unlikely(state, expected)
             each.state = filtered(state, expected)
         least = min(scores.values())
@@ -165,14 +165,18 @@ def _unlikely(state: ObjectState, expected: ObjectState) -> float:
 
 
 def assigned_with(
-    scores: Mapping[tuple[str, str], float], open_links: Iterable[OpenLink], available: Collection[str]
+    scores: Mapping[tuple[str, str], float],
+    open_links: Iterable[OpenLink],
+    available: Collection[str],
+    alone: float | None = None,
 ) -> dict[str, str]:
     """Which percept gets which object; those with links that are not certain take part where another claims their object.
 
     That is a percept whose link is contested, too: it may take what is available, or held by such a link. If one
-    of these were left without an object, all keep theirs.
+    of these were left without an object, all keep theirs. `alone` is the score of a percept that is none of them, if it has one.
     """
     held = {each.link.target.symbol: each for each in open_links}
+    lone = {} if alone is None else {"alone": alone}
     contested: dict[str, OpenLink] = {}
     claimed = [target for _, target in scores]
     while claimed:
@@ -186,12 +190,12 @@ def assigned_with(
         for target, cost in each.costs.items()
         if target in held or target in available
     }
-    chosen = dict(assigned({**scores, **costs}))
+    chosen = dict(assigned({**scores, **costs}, **lone))
     if contested.keys() <= chosen.keys():
         return chosen
     kept = {name: each.link.target.symbol for name, each in contested.items()}
     free = {pair: score for pair, score in scores.items() if pair[1] not in kept.values()}
-    return {**dict(assigned(free)), **kept}
+    return {**dict(assigned(free, **lone)), **kept}
 
 
 def reassigned(candidates: Mapping[str, LinkCandidates], shown: Collection[str]) -> dict[str, str]:

@@ -14,6 +14,8 @@ from reasoning.formulas.tree import Formula
 
 Reading: TypeAlias = Callable[[ObjectState, ObjectPrediction | None], Value]
 """The value of one label: of the state of `from` and the whereabouts of `to`, None where there is no `to`."""
+Thresh: TypeAlias = Callable[[ObjectState, ObjectPrediction], float]
+"""What `thresh` is for a state of `from` and the whereabouts of `to`."""
 _STATE_FEATURES: Final[Mapping[str, StateFeature]] = {
     "speed": lambda state: state.speed_m_s,
     "deviation": lambda state: state.deviation_m,
@@ -27,16 +29,19 @@ class PairCondition:
 
     Args:
         name: what `from` may be called as well.
+        thresh: what that is, if it is not as the specification says.
 
     Attributes:
         is_trivial: it is true whatever happens.
     """
 
-    def __init__(self, formula: Formula, specification: LinkSpecification, name: str = FROM) -> None:
+    def __init__(
+        self, formula: Formula, specification: LinkSpecification, name: str = FROM, thresh: Thresh | None = None
+    ) -> None:
         self.formula = formula
         self.is_trivial = formula == ALWAYS_TRUE
         self.gate = gate_of(formula, specification.threshold.most_m)
-        self._readings = {label: _reading(label, specification, name) for label in required_labels(formula)}
+        self._readings = {label: _reading(label, specification, name, thresh) for label in required_labels(formula)}
         self._far = {label: inf for label in self._readings if Label.parse(label).feature in DISTANCES}
 
     def start(self) -> Progressing:
@@ -58,12 +63,14 @@ class PairCondition:
         evaluation.progress(valid_us, self._far)
 
 
-def _reading(text: str, specification: LinkSpecification, name: str) -> Reading:
+def _reading(text: str, specification: LinkSpecification, name: str, thresh: Thresh | None) -> Reading:
     label = Label.parse(text)
     if label.feature in DISTANCES and set(label.objects) == {FROM, TO}:
         return lambda state, other: NO_VALUE if other is None else state.distance_m(other.nearest(state))
     if label.feature == THRESHOLD and label.objects in {(), (TO,)}:
         threshold = specification.threshold
+        if thresh is not None:
+            return lambda state, other: NO_VALUE if other is None else thresh(state, other)
         return lambda _state, other: NO_VALUE if other is None else threshold.of(other.likely)
     feature = specification.features.get(label.feature) or _STATE_FEATURES.get(label.feature)
     read = feature or (lambda state: state.attributes.get(label.feature, NO_VALUE))

@@ -1,7 +1,7 @@
 """Objects by place: which are within a bound of a state."""
 
 from collections import defaultdict
-from collections.abc import Collection, Iterable, Iterator, Mapping
+from collections.abc import Collection, Iterator, Mapping
 from math import floor
 
 from anchoring.links.prediction import ObjectPrediction
@@ -18,9 +18,9 @@ class NearObjects:
     """
 
     def __init__(
-        self, expected: Iterable[tuple[str, ObjectPrediction]], bound_m: float | None, keeps_all: bool
+        self, expected: Mapping[str, ObjectPrediction], bound_m: float | None, keeps_all: bool
     ) -> None:
-        self._expected: Mapping[str, ObjectPrediction] = dict(expected)
+        self._expected = expected
         self._bound_m, self._keeps_all = bound_m, keeps_all
         self._cells: dict[tuple[int, int], list[str]] = defaultdict(list)
         if bound_m is not None and bound_m > 0.0:

@@ -1,0 +1,157 @@
+"""What is usual of things that move: how they change their motion, by their kind or by how fast they go, and how far apart they are.
+
+`thresh` follows from that. Let S be the sum of the covariances of a position that is seen and of one that is expected, d what is
+between both, and r the density, per square metre, of other things that could have come into view there. The position is more
+likely that of the known object than of another as long as
+
+    d^T S^-1 d < 2 ln(1 / (2 pi sqrt(det S) r))
+
+and `thresh` is the length of the longest d of that direction. Where it is known too badly, in a crowd, for any distance to be
+evidence, that is 0.
+"""
+
+from collections.abc import Iterable, Mapping, Sequence
+from math import exp, log, pi, sqrt
+from typing import Final, NamedTuple
+
+import numpy as np
+
+from anchoring.links.individuals import Individual
+from anchoring.links.prediction import ObjectPrediction, certain
+from anchoring.links.states import ObjectState, moved
+from dyknow import US_PER_S
+
+
+class MotionKind(NamedTuple):
+    """Things of one kind.
+
+    Attributes:
+        size_m: no two of them are nearer to each other, from middle to middle.
+        least_noise, most_noise: densities of the acceleration noise, m^2/s^3, of one that stands and of one that is fast.
+    """
+
+    size_m: float
+    least_noise: float
+    most_noise: float
+
+
+WALKER: Final = MotionKind(0.5, 0.04, 0.2)
+BIKE: Final = MotionKind(1.8, 0.04, 1.5)
+CAR: Final = MotionKind(4.5, 0.3, 4.0)
+KINDS: Final[Mapping[str, MotionKind]] = {
+    **dict.fromkeys(("walker", "pedestrian", "person"), WALKER),
+    **dict.fromkeys(("bike", "bicycle", "biker", "cyclist", "skater"), BIKE),
+    **dict.fromkeys(("car", "van", "truck", "bus", "vehicle"), CAR),
+}
+"""By what the attribute `kind` or `class` of a percept says."""
+_NAMING: Final = ("kind", "class")
+_WALKS_M_S, _RIDES_M_S = 2.5, 7.0
+_NOISE_BY_SPEED: Final = 0.02
+"""Acceleration noise grows with the square of the speed, 1/s: what turns at 10 m/s changes its velocity more than at 1."""
+_UNSEEN: Final = 0.7
+"""Of what is not seen the mean over seconds is predicted, not the next step, whose errors are larger than they accumulate."""
+LONELY_M: Final = 100.0
+"""The distance to the next thing where nothing shows one."""
+STRANGERS: Final = 0.35
+"""The share of things that could be what comes into view without being known."""
+_SMOOTHED_S: Final = 1.0
+_MOST_COMPARED: Final = 64
+
+
+def kind_of(state: ObjectState) -> MotionKind | None:
+    """What a state is said to be of; None: it is not said."""
+    if not state.attributes:
+        return None
+    named = (state.attributes.get(each) for each in _NAMING)
+    return next((KINDS[each] for each in named if isinstance(each, str) and each in KINDS), None)
+
+
+def noise_of(state: ObjectState) -> float:
+    """The density of the acceleration noise, m^2/s^3."""
+    least, most = (kind_of(state) or _ANYTHING)[1:]
+    return min(most, max(least, _NOISE_BY_SPEED * (state.vx_m_s * state.vx_m_s + state.vy_m_s * state.vy_m_s)))
+
+
+_ANYTHING: Final = MotionKind(0.5, WALKER.least_noise, CAR.most_noise)
+
+
+def size_of(state: ObjectState) -> float:
+    """Metres, of what it is said to be, else of the largest that is usually so slow."""
+    if (kind := kind_of(state)) is not None:
+        return kind.size_m
+    speed_m_s = state.speed_m_s
+    return (WALKER if speed_m_s < _WALKS_M_S else BIKE if speed_m_s < _RIDES_M_S else CAR).size_m
+
+
+class MotionPredictor:
+    """Straight on, as uncertain as things of this kind, or this fast, become."""
+
+    def predict(
+        self,
+        history: Sequence[ObjectState],
+        to_us: int,
+        before: ObjectPrediction | None = None,  # noqa: ARG002
+        individual: Individual | None = None,  # noqa: ARG002
+    ) -> ObjectPrediction:
+        last = history[-1]
+        return certain(moved(last, to_us, _UNSEEN * noise_of(last)))
+
+
+class Spacing:
+    """How far apart things are that are seen together: the median of the distances to the next one, over about a second."""
+
+    def __init__(self) -> None:
+        self._log_m: float | None = None
+        self._latest_us = 0
+
+    def on_states(self, valid_us: int, states: Sequence[ObjectState]) -> None:
+        """Take what is seen at one time; fewer than two say nothing."""
+        if len(states) < 2:
+            return
+        seen_log_m = log(max(_ANYTHING.size_m / 4.0, _median_apart_m(np.array([each[1:3] for each in states]))))
+        share = 1.0 if self._log_m is None else 1.0 - exp((self._latest_us - valid_us) / US_PER_S / _SMOOTHED_S)
+        before = seen_log_m if self._log_m is None else self._log_m
+        self._log_m, self._latest_us = before + share * (seen_log_m - before), valid_us
+
+    def density(self, expected: ObjectState) -> float:
+        """Of others that could come into view there, per square metre."""
+        apart_m = LONELY_M if self._log_m is None else exp(self._log_m)
+        return STRANGERS / (2.0 * max(apart_m, size_of(expected))) ** 2
+
+    def reach_m(self, seen: ObjectState, expected: ObjectState, most_m: float) -> float:
+        """How far apart they may be, in the direction in which they are, to be the same."""
+        (xx, xy), (yx, yy) = (seen.covariance[:2, :2] + expected.covariance[:2, :2]).tolist()
+        determinant = xx * yy - xy * yx
+        evidence = self._evidence(determinant, expected)
+        dx, dy = seen.x_m - expected.x_m, seen.y_m - expected.y_m
+        apart = yy * dx * dx - (xy + yx) * dx * dy + xx * dy * dy
+        if evidence <= 0.0:
+            return 0.0
+        if apart <= 0.0:
+            return most_m
+        return min(most_m, sqrt(2.0 * evidence * determinant * (dx * dx + dy * dy) / apart))
+
+    def most_m(self, seen: Iterable[ObjectState], expected: Iterable[ObjectState], most_m: float) -> float:
+        """What `reach_m` is at most for any two of them."""
+        largest = max((each.covariance[0, 0] + each.covariance[1, 1] for each in seen), default=0.0)
+        found = 0.0
+        for each in expected:
+            (xx, xy), (yx, yy) = each.covariance[:2, :2].tolist()
+            evidence = self._evidence(max(0.0, xx * yy - xy * yx), each)
+            found = max(found, 2.0 * evidence * (xx + yy + largest))
+        return min(most_m, sqrt(found) * 1.001)
+
+    def _evidence(self, determinant: float, expected: ObjectState) -> float:
+        """The logarithm of how much more likely the very place is than anywhere else."""
+        return -log(max(1e-12, 2.0 * pi * sqrt(max(0.0, determinant)) * self.density(expected)))
+
+
+def _median_apart_m(places: np.ndarray[tuple[int, int], np.dtype[np.float64]]) -> float:
+    if len(places) > _MOST_COMPARED:
+        from scipy.spatial import KDTree
+
+        return float(np.median(KDTree(places).query(places, k=2)[0][:, 1]))
+    apart = places[:, None, :] - places[None, :, :]
+    squares = np.einsum("ijk,ijk->ij", apart, apart)
+    np.fill_diagonal(squares, np.inf)
+    return float(np.sqrt(np.median(squares.min(axis=1))))
