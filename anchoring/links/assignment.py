@@ -21,7 +21,8 @@ def assigned(scores: Mapping[tuple[str, str], float], alone: float = _NO_PAIR) -
     Each name on either side is in one pair at most. The order in which pairs are given does not matter.
 
     Args:
-        alone: the score of being in no pair; from there on it is the least sum that counts, not the number of pairs.
+        scores: by pair.
+        alone: the score of being in no pair; given, the least sum counts, not the number of pairs.
     """
     chosen: list[tuple[str, str]] = []
     for pairs in _components(scores):

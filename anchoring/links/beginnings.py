@@ -12,7 +12,7 @@ from typing import Final
 
 from anchoring.links.objects import LinkEvent
 from anchoring.links.specification import LinkSpecification
-from anchoring.links.states import ObjectState, moved
+from anchoring.links.states import ObjectState
 from anchoring.links.structures import AnySpecification, LinkOutcome, ObjectLinkage, Percept, StateRecord
 from dyknow import US_PER_S
 

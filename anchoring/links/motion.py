@@ -54,6 +54,8 @@ LONELY_M: Final = 100.0
 """The distance to the next thing where nothing shows one."""
 STRANGERS: Final = 0.35
 """The share of things that could be what comes into view without being known."""
+_OFF: Final = 1.0 / 16.0
+"""Of the variance of a position in all directions what it has in each: what is expected on the centre of a lane drives off it."""
 _SMOOTHED_S: Final = 1.0
 _MOST_COMPARED: Final = 64
 
@@ -121,6 +123,8 @@ class Spacing:
     def reach_m(self, seen: ObjectState, expected: ObjectState, most_m: float) -> float:
         """How far apart they may be, in the direction in which they are, to be the same."""
         (xx, xy), (yx, yy) = (seen.covariance[:2, :2] + expected.covariance[:2, :2]).tolist()
+        off = _OFF * (xx + yy)
+        xx, yy = xx + off, yy + off
         determinant = xx * yy - xy * yx
         evidence = self._evidence(determinant, expected)
         dx, dy = seen.x_m - expected.x_m, seen.y_m - expected.y_m
@@ -137,6 +141,8 @@ class Spacing:
         found = 0.0
         for each in expected:
             (xx, xy), (yx, yy) = each.covariance[:2, :2].tolist()
+            off = _OFF * (xx + yy)
+            xx, yy = xx + off, yy + off
             evidence = self._evidence(max(0.0, xx * yy - xy * yx), each)
             found = max(found, 2.0 * evidence * (xx + yy + largest))
         return min(most_m, sqrt(found) * 1.001)

@@ -66,6 +66,7 @@ class LastSeen(NamedTuple):
     state: ObjectState
     prediction: ObjectPrediction | None
     anchored_us: int
+    seen_us: int
     above: "tuple[tuple[ObjectLink, LastSeen], ...]" = ()
 
 
@@ -105,17 +106,23 @@ class LinkObject:
         if self.individual is not None and is_sure:
             self.individual.observe(state)
 
+    def anchor(self, valid_us: int, since_us: int) -> None:
+        """A live link leads to it, one that has done so since then."""
+        self.seen_us += valid_us - max(self.anchored_us, since_us)
+        self.anchored_us = valid_us
+
     @property
     def last_seen(self) -> LastSeen:
         """How it is known now."""
         above = tuple((link, link.target.last_seen) for link in self.outgoing.values())
-        return LastSeen(tuple(self.observed), self.state, self.prediction, self.anchored_us, above)
+        return LastSeen(tuple(self.observed), self.state, self.prediction, self.anchored_us, self.seen_us, above)
 
     def go_back(self, to: LastSeen) -> None:
         """What was seen since then was another; that holds for what is above it, too, unless another link shows it."""
         self.observed.clear()
         self.observed.extend(to.observed)
-        self.state, self.prediction, self.anchored_us = to.state, to.prediction, to.anchored_us
+        self.state, self.prediction = to.state, to.prediction
+        self.anchored_us, self.seen_us = to.anchored_us, to.seen_us
         for link, seen in to.above:
             if self.outgoing.get(link.process.name) is link and len(link.target.incoming) == 1:
                 link.target.go_back(seen)

@@ -7,25 +7,19 @@ maintain condition failed, at the next one. Pairs that a gate keeps apart cost n
 """
 
 from collections.abc import Collection, Iterable, Iterator, Mapping
-from math import log, pi
-from typing import Final, Protocol
+from typing import Protocol
 
 from anchoring.links.assignment import natural
 from anchoring.links.deciding.candidates import LinkCandidate, LinkCandidates, OpenLink, assigned_with, reassigned
 from anchoring.links.deciding.conditions import PairCondition
-from anchoring.links.deciding.gating import gate_of
 from anchoring.links.deciding.nearness import NearObjects
+from anchoring.links.deciding.reach import Reach
 from anchoring.links.deciding.waiting import ReestablishPair, Unlinked
-from anchoring.links.motion import Spacing
 from anchoring.links.objects import EventKind, LastSeen, LinkObject, LinkReason, ObjectLink
 from anchoring.links.prediction import ObjectPrediction, certain
 from anchoring.links.specification import LinkSpecification, filtered
 from anchoring.links.states import ObjectState, intersected, weighed
 from reasoning import Progressing
-
-
-_ALONE: Final = 0.5
-"""The score of being none of the known objects, where that is weighed: a doubtful pair rather than none."""
 
 
 class LinkSurroundings(Protocol):
@@ -60,10 +54,9 @@ class LinkProcess:
         self.specification = specification
         self.name = specification.name
         self._establish = PairCondition(specification.establish, specification)
-        self._spacing = Spacing() if specification.is_adaptive else None
-        thresh = None if self._spacing is None else self._thresh
-        self._reestablish = PairCondition(specification.reestablish, specification, thresh=thresh)
-        self._maintain = PairCondition(specification.maintain, specification, thresh=thresh)
+        self._reach = Reach(specification)
+        self._reestablish = PairCondition(specification.reestablish, specification, thresh=self._reach.thresh)
+        self._maintain = PairCondition(specification.maintain, specification, thresh=self._reach.thresh)
         self._around = surroundings
         self.unlinked: dict[str, Unlinked] = {}
         self.available: dict[str, tuple[LinkObject, int]] = {}
@@ -107,8 +100,7 @@ class LinkProcess:
         """Take the states of all objects of A that have one at `valid_us` and are linked."""
         self.evaluations = 0
         moved_over = self._weigh(valid_us, sources) if self.candidates else ()
-        if self._spacing is not None:
-            self._spacing.on_states(valid_us, [one.state for one in sources if one.prediction is None])
+        self._reach.on_states(valid_us, (one.state for one in sources if one.prediction is None))
         for one in sources:
             if (link := one.outgoing.get(self.name)) is not None and one.symbol not in moved_over:
                 self._update(valid_us, link)
@@ -256,12 +248,11 @@ class LinkProcess:
                 since_us = open_links[target].link.since_us if target in open_links else self.available[target][1]
                 evaluation = self._progressed(valid_us, one, waiting, target, whereabouts, since_us)
                 if evaluation is not None and evaluation.verdict == "true":
-                    scores[one.symbol, target] = self._score(one.state, whereabouts)
+                    scores[one.symbol, target] = self._reach.score(one.state, whereabouts)
                     held[one.symbol, target] = evaluation
                     known.setdefault(one.symbol, {})[target] = whereabouts
                     sources[one.symbol] = one
-        alone = None if self._spacing is None else _ALONE
-        chosen = assigned_with(scores, open_links.values(), self.available, alone)
+        chosen = assigned_with(scores, open_links.values(), self.available, self._reach.alone)
         before = self._before(open_links, {target for _, target in scores})
         moving = {name: target for name, target in chosen.items() if name not in sources}
         self._go_over(valid_us, {name: to for name, to in moving.items() if to != self.candidates[name].chosen})
@@ -320,27 +311,12 @@ class LinkProcess:
             state = unit(each, later(state, each.valid_us))
         return state
 
-    def _thresh(self, state: ObjectState, whereabouts: ObjectPrediction) -> float:
-        """How far a state may be from where an object is expected, by what is usual here."""
-        spacing, most_m = self._spacing, self.specification.threshold.most_m
-        return most_m if spacing is None else spacing.reach_m(state, whereabouts.nearest(state), most_m)
-
-    def _score(self, state: ObjectState, whereabouts: ObjectPrediction) -> float:
-        """How badly it fits; against being another, that is less than 0 where it is likelier the object that is expected."""
-        score = self.specification.score(state, whereabouts)
-        if self._spacing is None:
-            return score
-        return score + 2.0 * log(2.0 * pi * self._spacing.density(whereabouts.nearest(state)))
-
     def _near(
         self, valid_us: int, open_links: Mapping[str, OpenLink], unlinked: Iterable[tuple[LinkObject, Unlinked]]
     ) -> NearObjects:
         """The objects that are available, or may be claimed, where they are expected now."""
-        gate, expected = self._reestablish.gate, dict(self._expected(valid_us, open_links))
-        if self._spacing is not None:
-            places = (hypothesis.state for each in expected.values() for hypothesis in each.hypotheses)
-            most_m = self._spacing.most_m((one.state for one, _ in unlinked), places, self.specification.threshold.most_m)
-            gate = gate_of(self._reestablish.formula, most_m)
+        expected = dict(self._expected(valid_us, open_links))
+        gate = self._reach.gate(self._reestablish, (one.state for one, _ in unlinked), expected)
         return NearObjects(
             expected,
             None if gate is None else gate.bound_m,

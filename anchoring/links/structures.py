@@ -323,7 +323,7 @@ class ObjectLinkage:
 
     def _forget(self, valid_us: int, type_: str) -> None:
         """Remove objects of a type that were not anchored for too long."""
-        specified = [each.specification for each in self.into.get(type_, ())]
+        kept = [each.specification.kept_us for each in self.into.get(type_, ())]
         for one in list(self._objects[type_].values()):
             anchors = [
                 link
@@ -331,17 +331,14 @@ class ObjectLinkage:
                 if link.source.anchored_us == valid_us or link.source.type in self._rhythms
             ]
             if anchors:
-                one.seen_us += valid_us - max(one.anchored_us, min(link.since_us for link in anchors))
-                one.anchored_us = valid_us
-            elif valid_us - one.anchored_us >= max((each.kept_us(one.seen_us) for each in specified), default=_NEVER_US):
+                one.anchor(valid_us, min(link.since_us for link in anchors))
+            elif valid_us - one.anchored_us >= max((each(one.seen_us) for each in kept), default=_NEVER_US):
                 self.discard(valid_us, one, LinkReason("forgotten", for_us=valid_us - one.anchored_us))
 
     def _has_state(self, one: LinkObject, valid_us: int) -> bool:
         """Whether it is seen, or was for so long that it is still predicted."""
-        if one.prediction is None:
-            return True
-        specified = (each.specification for each in self.into.get(one.type, ()))
-        return valid_us - one.anchored_us <= max((each.predicted_us(one.seen_us) for each in specified), default=_NEVER_US)
+        unseen_us, into = valid_us - one.anchored_us, self.into.get(one.type)
+        return not into or any(unseen_us <= each.specification.predicted_us(one.seen_us) for each in into)
 
     def discard(self, valid_us: int, one: LinkObject, reason: LinkReason) -> None:
         """An object is gone; its history is kept for a while."""

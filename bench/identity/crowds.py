@@ -162,7 +162,7 @@ def bikes(count: int, size_m: float) -> Callable[[Generator, float], list[tuple[
     def made(rng: Generator, lasts_s: float) -> list[tuple[float, Track]]:
         found = []
         for number in range(count):
-            usual_m_s, turns = ((9.0, 0.05) if number % 10 == 9 else (4.5, 0.15) if number % 2 else (1.4, 0.15))
+            usual_m_s, turns = (9.0, 0.05) if number % 10 == 9 else (4.5, 0.15) if number % 2 else (1.4, 0.15)
             speed_m_s = usual_m_s * float(rng.uniform(0.7, 1.3))
             side = int(rng.integers(4)) * tau / 4
             crossing_s = size_m / speed_m_s
@@ -203,7 +203,9 @@ def motorway(count: int, lanes: int, speed_m_s: float) -> Callable[[Generator, f
 def _followed(rng: Generator, steps: int, at_m: float, usual_m_s: float, ahead: Track | None) -> Track:
     """Where a car is along its lane: it accelerates to its own speed and keeps a gap of a second and 7 m."""
     found, speed_m_s = np.empty(steps), usual_m_s
-    waves = np.interp(np.arange(steps), np.arange(0, steps + 500, 500), rng.uniform(0.5, 1.1, len(range(0, steps + 500, 500))))
+    waves = np.interp(
+        np.arange(steps), np.arange(0, steps + 500, 500), rng.uniform(0.5, 1.1, len(range(0, steps + 500, 500)))
+    )
     for step in range(steps):
         wanted_m_s = usual_m_s * float(waves[step])
         if ahead is not None:
@@ -281,7 +283,9 @@ def _wandered(rng: Generator, lasts_s: float, speed_m_s: float, heading: float, 
         offset += rate * STEP_S
         wanted = 0.0 if stop_from <= step < stop_to else speed_m_s
         speed += STEP_S * (wanted - speed) * 1.5 + 0.08 * speed_m_s * float(rng.normal()) * STEP_S**0.5
-        found[step] = found[step - 1] + max(0.0, speed) * STEP_S * np.array([np.cos(heading + offset), np.sin(heading + offset)])
+        found[step] = found[step - 1] + max(0.0, speed) * STEP_S * np.array(
+            [np.cos(heading + offset), np.sin(heading + offset)]
+        )
     return found
 
 

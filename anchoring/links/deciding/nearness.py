@@ -17,9 +17,7 @@ class NearObjects:
         keeps_all: those that were near once stay so.
     """
 
-    def __init__(
-        self, expected: Mapping[str, ObjectPrediction], bound_m: float | None, keeps_all: bool
-    ) -> None:
+    def __init__(self, expected: Mapping[str, ObjectPrediction], bound_m: float | None, keeps_all: bool) -> None:
         self._expected = expected
         self._bound_m, self._keeps_all = bound_m, keeps_all
         self._cells: dict[tuple[int, int], list[str]] = defaultdict(list)
