@@ -35,6 +35,9 @@ ON_A_ROAD: Final = Eventually(ROAD_SEEN, US_PER_S, None)
 STAYS_ON_ROADS: Final = Always(Eventually(ROAD_SEEN, 0, 10 * US_PER_S))
 CANDIDATES: Final = 3
 """Known objects that a percept may be, until it is certain which."""
+ANYWHERE: Final = Lasting()
+ALONG_ROADS: Final = Lasting(predicted=1.0)
+"""What roads lead is expected where it is for longer."""
 SLACK_M: Final = 3.0
 """Beyond the edge of a road a position counts as on it: what sensors err."""
 ROAD_NOISE: Final = 4.0
@@ -51,7 +54,7 @@ def ready_specification(
         NEW,
         NEAR,
         predictor=MotionPredictor(),
-        lasting=Lasting(),
+        lasting=ANYWHERE if roads is None else ALONG_ROADS,
         is_adaptive=True,
         threshold=threshold,
         score=unlikelihood,
@@ -67,7 +70,7 @@ def ready_specification(
         STAYS_ON_ROADS,
         unit=OnRoad(roads),
         predictor=predictor or AlongRoads(roads, noise=ROAD_NOISE),
-        lasting=Lasting(),
+        lasting=ALONG_ROADS,
         is_adaptive=True,
         threshold=threshold,
         score=unlikelihood,

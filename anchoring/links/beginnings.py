@@ -70,7 +70,16 @@ class ObjectBeginnings:
                     state = link.unit(each, None if state is None else link.later(state, each.valid_us))
                     if target[0] in self._sources:
                         self._note(target, state)
-                    yield StateRecord(each.valid_us, event.target, event.target_type, state, (event.source,), None)
+                    yield StateRecord(
+                        each.valid_us,
+                        event.target,
+                        event.target_type,
+                        state,
+                        (event.source,),
+                        None,
+                        observed_us=each.valid_us,
+                        late_us=event.valid_us - each.valid_us,
+                    )
 
     def _began_us(self, source: _Key) -> float:
         """Since when a percept has had its name; what came before was another. Of objects: since their first state."""

@@ -51,6 +51,7 @@ class StateRecord(NamedTuple):
         prediction: None where it was observed.
         weight: how probable its links are.
         observed_us: the valid time of the latest state that was observed, by which it is known.
+        late_us: how long after its time it is known to be of this object: from before that was established. Else 0.
     """
 
     valid_us: int
@@ -61,6 +62,7 @@ class StateRecord(NamedTuple):
     prediction: ObjectPrediction | None
     weight: float = 1.0
     observed_us: int = 0
+    late_us: int = 0
 
 
 class LinkOutcome(NamedTuple):

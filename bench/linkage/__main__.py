@@ -38,7 +38,7 @@ class Row(NamedTuple):
     """Means over the seeds; `clutter_objects` counts objects made of clutter, over all seeds.
 
     Attributes:
-        since_seen: ours when an established object also reports its earlier states.
+        at_once: ours without the states of an object from before it was established.
         norfair, norfair_all: the best by IDF1 over what is seen, and by that over everything.
         quick: IDF1 over what is seen of all settings over a few seeds.
     """
@@ -46,7 +46,7 @@ class Row(NamedTuple):
     scene: str
     seeds: int
     ours: Score
-    since_seen: Score
+    at_once: Score
     clutter_objects: int
     norfair: Score
     setting: Setting
@@ -77,11 +77,11 @@ def row(scene: str, seeds: int) -> Row:
     late = {setting: figure for setting, figure in quick.items() if setting.delay_s >= CONFIRMS_S}
     confirmed, later = _best(recordings, late)
     ours = mean([score(each.looks, tracks) for each, (tracks, _) in zip(recordings, linked, strict=True)])
-    told_later = [by_links(recording, since_seen=True).tracks for recording in recordings]
-    later_known = mean([score(each.looks, tracks) for each, tracks in zip(recordings, told_later, strict=True)])
+    at_once = [by_links(recording, since_seen=False).tracks for recording in recordings]
+    known = mean([score(each.looks, tracks) for each, tracks in zip(recordings, at_once, strict=True)])
     alone = mean([score(each.looks, per_percept(each.looks)) for each in recordings])
     return Row(
-        scene, seeds, ours, later_known, clutter, best, setting, best_all, setting_all, confirmed, later, alone, quick
+        scene, seeds, ours, known, clutter, best, setting, best_all, setting_all, confirmed, later, alone, quick
     )
 
 
@@ -109,7 +109,7 @@ def _best(
 def show(found: Row) -> None:
     sides: tuple[tuple[str, Score], ...] = (
         ("ours", found.ours),
-        ("ours, told once established", found.since_seen),
+        ("ours, as known at each time", found.at_once),
         ("norfair, best over what is seen", found.norfair),
         ("norfair, best over everything", found.norfair_all),
         ("norfair, best that waits 1 s", found.norfair_confirmed),

@@ -28,14 +28,14 @@ class Linked(NamedTuple):
         return sum(each["event"] == "established" and each["from"] in clutter for each in self.events)
 
 
-def by_links(recording: RoadRecording, type_: str = WORLD, *, since_seen: bool = False) -> Linked:
-    """The objects of one type that `dyknow link` makes of a recording; `since_seen`: also from before they were known."""
+def by_links(recording: RoadRecording, type_: str = WORLD, *, since_seen: bool = True) -> Linked:
+    """The objects of one type that `dyknow link` makes of a recording; `since_seen`: also from before they were known, as is usual."""
     states: dict[int, dict[str, Shown]] = defaultdict(dict)
     events = []
     visible = {
         look.t_us // 1000: {percept.percept for percept in look.percepts if not percept.end} for look in recording.looks
     }
-    for line in link_lines(recording, *(("--since-seen",) if since_seen else ())):
+    for line in link_lines(recording, *(() if since_seen else ("--no-since-seen",))):
         if "event" in line:
             events.append(line)
         elif line["type"] == type_:

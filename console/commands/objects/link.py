@@ -40,8 +40,11 @@ def link(
         Path | None, typer.Option("--roads", metavar="FILE.geojson", help="Roads on which objects are.")
     ] = None,
     since_seen: Annotated[
-        bool, typer.Option("--since-seen", help="Once an object is established also its states from before that.")
-    ] = False,
+        bool,
+        typer.Option(
+            "--since-seen/--no-since-seen", help="Once an object is established also its states from before that (yes)."
+        ),
+    ] = True,
     modules: UnitModules = None,
 ) -> int:
     """Which percepts are the same objects: one symbol for each, also through gaps; exit 2 if lines had to be left out."""

@@ -95,6 +95,7 @@ class LinkOutput:
             "linked_to": list(record.linked_to),
             "hypotheses": [{**self._place(state), "weight": round(weight, 4)} for state, weight in hypotheses],
             **({"certainty": round(record.weight, 4)} if record.weight < 1.0 else {}),
+            **({"late_ms": _ms(record.late_us)} if record.late_us else {}),
         }
 
     def _place(self, state: "ObjectState") -> dict[str, float]:
