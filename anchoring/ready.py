@@ -4,11 +4,13 @@ The conditions are those of section V of the paper: a percept is a known object 
 after a second a new one; an object that is seen on a road for a second is on the road, until it was off it for ten.
 """
 
+from collections.abc import Mapping
 from typing import Final
 
 from anchoring.links.motion import MotionPredictor
 from anchoring.links.prediction import Predictor
 from anchoring.links.specification import (
+    ALWAYS_TRUE,
     FROM,
     THRESHOLD,
     TO,
@@ -22,7 +24,7 @@ from anchoring.roads.network import RoadNetwork
 from anchoring.roads.objects import OnRoad
 from anchoring.roads.prediction import AlongRoads
 from dyknow import US_PER_S
-from reasoning.formulas.tree import Always, Compare, Const, Eventually, Feature
+from reasoning.formulas.tree import Always, Compare, Const, Eventually, Feature, Formula
 
 VISION: Final = "vision_percept"
 WORLD: Final = "world"
@@ -35,6 +37,11 @@ ON_A_ROAD: Final = Eventually(ROAD_SEEN, US_PER_S, None)
 STAYS_ON_ROADS: Final = Always(Eventually(ROAD_SEEN, 0, 10 * US_PER_S))
 CANDIDATES: Final = 3
 """Known objects that a percept may be, until it is certain which."""
+READY_CONDITIONS: Final[Mapping[str, tuple[Formula, ...]]] = {
+    "WorldObject": (NEW, NEAR, ALWAYS_TRUE),
+    "OnRoad": (ON_A_ROAD, NEAR, STAYS_ON_ROADS),
+}
+"""Establish, reestablish and maintain, by the name of the unit of a link."""
 ANYWHERE: Final = Lasting()
 ALONG_ROADS: Final = Lasting(predicted=1.0)
 """What roads lead is expected where it is for longer."""

@@ -58,6 +58,11 @@ class Habit:
         return self.mean if self._last is None else self._last
 
     @property
+    def mean_square(self) -> float:
+        """0 before anything is known."""
+        return self.mean * self.mean + self._variance if self.seconds > 0.0 else 0.0
+
+    @property
     def deviation(self) -> float:
         return float(self._variance**0.5)
 
@@ -76,14 +81,17 @@ class Habit:
 class Individual:
     """The motion model of one object.
 
+    Args:
+        of_all: the speed of all objects of its type; what is usual of it until its own is known.
+
     Attributes:
         speed: metres per second.
         turn_rate: radians per second, to the left positive.
         turns: how often it went which way at crossings, by the name of the way: left, straight, right.
     """
 
-    def __init__(self) -> None:
-        self.speed, self.turn_rate = Habit(5.0), Habit(0.2)
+    def __init__(self, of_all: Habit | None = None) -> None:
+        self.speed, self.turn_rate, self._of_all = Habit(5.0), Habit(0.2), of_all
         self.turns = Counter[str]()
         self._last: ObjectState | None = None
         self._turned_us: int | None = None
@@ -92,6 +100,12 @@ class Individual:
     def is_known(self) -> bool:
         """Whether it was seen for long enough to have habits."""
         return self.speed.seconds >= LEAST_S
+
+    @property
+    def square_speed(self) -> float:
+        """The mean of the square of how fast it is, m^2/s^2; 0: it is not known."""
+        own = self.speed.mean_square
+        return own if self.is_known or self._of_all is None else max(own, self._of_all.mean_square)
 
     def observe(self, state: ObjectState) -> None:
         """One state of it while it is seen; states that follow too closely are skipped."""
@@ -107,6 +121,8 @@ class Individual:
             return
         seconds = (state.valid_us - last.valid_us) / US_PER_S
         self.speed.observe(state.speed_m_s, seconds)
+        if self._of_all is not None:
+            self._of_all.observe(state.speed_m_s, seconds)
         if min(state.speed_m_s, last.speed_m_s) > _SLOW_M_S:
             turned = _heading(state) - _heading(last)
             self.turn_rate.observe(((turned + pi) % (2.0 * pi) - pi) / seconds, seconds)

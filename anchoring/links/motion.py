@@ -37,7 +37,7 @@ class MotionKind(NamedTuple):
 
 WALKER: Final = MotionKind(0.5, 0.04, 0.2)
 BIKE: Final = MotionKind(1.8, 0.04, 1.5)
-CAR: Final = MotionKind(4.5, 0.3, 4.0)
+CAR: Final = MotionKind(4.5, 0.6, 4.0)
 KINDS: Final[Mapping[str, MotionKind]] = {
     **dict.fromkeys(("walker", "pedestrian", "person"), WALKER),
     **dict.fromkeys(("bike", "bicycle", "biker", "cyclist", "skater"), BIKE),
@@ -48,8 +48,8 @@ _NAMING: Final = ("kind", "class")
 _WALKS_M_S, _RIDES_M_S = 2.5, 7.0
 _NOISE_BY_SPEED: Final = 0.02
 """Acceleration noise grows with the square of the speed, 1/s: what turns at 10 m/s changes its velocity more than at 1."""
-_UNSEEN: Final = 0.7
-"""Of what is not seen the mean over seconds is predicted, not the next step, whose errors are larger than they accumulate."""
+_UNSEEN_SLOW, _UNSEEN_FAST, _FAST_NOISE = 0.7, 1.5, 0.5
+"""Over seconds errors of steps are smaller than they accumulate, but what drives fast brakes and turns: of the noise of one step."""
 LONELY_M: Final = 100.0
 """The distance to the next thing where nothing shows one."""
 STRANGERS: Final = 0.35
@@ -61,24 +61,27 @@ _MOST_COMPARED: Final = 64
 
 
 def kind_of(state: ObjectState) -> MotionKind | None:
-    """What a state is said to be of; None: it is not said."""
+    """What a state is of by its attributes; None: they do not name it."""
     if not state.attributes:
         return None
     named = (state.attributes.get(each) for each in _NAMING)
     return next((KINDS[each] for each in named if isinstance(each, str) and each in KINDS), None)
 
 
-def noise_of(state: ObjectState) -> float:
-    """The density of the acceleration noise, m^2/s^3."""
+def noise_of(state: ObjectState, usual: Individual | None = None) -> float:
+    """The density of the acceleration noise, m^2/s^3; what stands now, and drove before, may do so again."""
     least, most = (kind_of(state) or _ANYTHING)[1:]
-    return min(most, max(least, _NOISE_BY_SPEED * (state.vx_m_s * state.vx_m_s + state.vy_m_s * state.vy_m_s)))
+    square = state.vx_m_s * state.vx_m_s + state.vy_m_s * state.vy_m_s
+    if usual is not None:
+        square = max(square, usual.square_speed)
+    return min(most, max(least, _NOISE_BY_SPEED * square))
 
 
 _ANYTHING: Final = MotionKind(0.5, WALKER.least_noise, CAR.most_noise)
 
 
 def size_of(state: ObjectState) -> float:
-    """Metres, of what it is said to be, else of the largest that is usually so slow."""
+    """Metres, of what its attributes name, else of the largest that is usually so slow."""
     if (kind := kind_of(state)) is not None:
         return kind.size_m
     speed_m_s = state.speed_m_s
@@ -93,10 +96,11 @@ class MotionPredictor:
         history: Sequence[ObjectState],
         to_us: int,
         before: ObjectPrediction | None = None,  # noqa: ARG002
-        individual: Individual | None = None,  # noqa: ARG002
+        individual: Individual | None = None,
     ) -> ObjectPrediction:
         last = history[-1]
-        return certain(moved(last, to_us, _UNSEEN * noise_of(last)))
+        noise = noise_of(last, individual)
+        return certain(moved(last, to_us, noise * (_UNSEEN_SLOW if noise < _FAST_NOISE else _UNSEEN_FAST)))
 
 
 class Spacing:
@@ -107,7 +111,7 @@ class Spacing:
         self._latest_us = 0
 
     def on_states(self, valid_us: int, states: Sequence[ObjectState]) -> None:
-        """Take what is seen at one time; fewer than two say nothing."""
+        """Take what is seen at one time; fewer than two do not count."""
         if len(states) < 2:
             return
         seen_log_m = log(max(_ANYTHING.size_m / 4.0, _median_apart_m(np.array([each[1:3] for each in states]))))

@@ -60,9 +60,9 @@ class Lasting(NamedTuple):
     """
 
     kept: float = 1.0
-    predicted: float = 0.4
+    predicted: float = 0.25
     least_kept_us: int = 10 * US_PER_S
-    least_predicted_us: int = 2 * US_PER_S
+    least_predicted_us: int = US_PER_S
 
 
 def distance(state: ObjectState, expected: ObjectPrediction) -> float:

@@ -16,7 +16,7 @@ from typing import Final, NamedTuple, TypeAlias
 
 from anchoring.links.assignment import natural
 from anchoring.links.composites import CompositeObjects, CompositeSpecification, check_ends
-from anchoring.links.individuals import Individual
+from anchoring.links.individuals import Habit, Individual
 from anchoring.links.objects import EventKind, LinkEvent, LinkObject, LinkReason, ObjectLink
 from anchoring.links.prediction import ConstantVelocity, ObjectPrediction, Predictor, certain
 from anchoring.links.processes import LinkProcess, updated
@@ -107,6 +107,7 @@ class ObjectLinkage:
                 self.into.setdefault(each.target, []).append(process)
                 self._from.setdefault(each.source, []).append(process)
         self._order = tuple(dict.fromkeys(each.target for each in specified))
+        self._speeds = {one: Habit(0.0) for one in self._order}
         self._types = {one: one if one in self.composites else prefix_of(one, self.into) for one in self._order}
         below = dict.fromkeys(each.source for each in specified)
         self._objects: dict[str, dict[str, LinkObject]] = {type_: {} for type_ in (*below, *self._order)}
@@ -263,9 +264,8 @@ class ObjectLinkage:
 
     def create(self, valid_us: int, target: str, state: ObjectState, symbol: str | None = None) -> LinkObject:
         """A new object, with a symbol of its own if none is given."""
-        return self._added(
-            LinkObject(symbol or self.new_symbol(target), target, valid_us, state, individual=Individual())
-        )
+        named = symbol or self.new_symbol(target)
+        return self._added(LinkObject(named, target, valid_us, state, individual=Individual(self._speeds[target])))
 
     def new_symbol(self, type_: str) -> str:
         """A symbol that no object of the type has, and none is wanted by."""

@@ -40,6 +40,7 @@ class Crowd(NamedTuple):
     """A kind of scene.
 
     Attributes:
+        reaches_m: of a tracker that is tuned for it.
         tracks: of all things, with the second at which each enters.
         hz: looks a second.
         sd_m: of the error of a position, on each axis.
@@ -52,6 +53,7 @@ class Crowd(NamedTuple):
     hz: float
     sd_m: float
     near_m: float
+    reaches_m: tuple[float, ...]
     seen_s: tuple[float, float] = (3.0, 8.0)
     hidden_s: tuple[float, float] = (1.0, 3.0)
     clutter_s: float = 1.0
@@ -229,8 +231,10 @@ def crossing(count: int, size_m: float = 90.0) -> Callable[[Generator, float], l
     """Cars over one crossing: straight on or through a curve before which they slow down, some after a stop."""
 
     def made(rng: Generator, lasts_s: float) -> list[tuple[float, Track]]:
-        found = []
-        for _ in range(count):
+        found: list[tuple[float, Track]] = []
+        for _ in range(12 * count):
+            if len(found) == count:
+                break
             usual_m_s, arm = float(rng.uniform(8.0, 13.0)), int(rng.integers(4)) * tau / 4
             turn = int(rng.choice((-1, 0, 0, 1)))
             stop_s = float(rng.uniform(1.0, 8.0)) if rng.random() < 0.4 else 0.0
@@ -238,10 +242,19 @@ def crossing(count: int, size_m: float = 90.0) -> Callable[[Generator, float], l
             rotated = points @ np.array([[np.cos(arm), np.sin(arm)], [-np.sin(arm), np.cos(arm)]])
             track = _driven(rotated, usual_m_s, 5.5 if turn else usual_m_s, stop_s)
             lasts = len(track) * STEP_S
-            found.append((float(rng.uniform(-0.6 * lasts, max(0.1, lasts_s - 3.0))), track))
+            enters_s = float(rng.uniform(-0.6 * lasts, max(0.1, lasts_s - 3.0)))
+            if not any(_collide((enters_s, track), other) for other in found):
+                found.append((enters_s, track))
         return found
 
     return made
+
+
+def _collide(one: tuple[float, Track], other: tuple[float, Track], apart_m: float = 4.0) -> bool:
+    (first_s, first), (second_s, second) = sorted((one, other), key=lambda each: each[0])
+    begins = round((second_s - first_s) / STEP_S)
+    both = min(len(first) - begins, len(second))
+    return both > 0 and bool((np.hypot(*(first[begins : begins + both] - second[:both]).T) < apart_m).any())
 
 
 def _turned(size_m: float, turn: int) -> Track:
@@ -290,11 +303,11 @@ def _wandered(rng: Generator, lasts_s: float, speed_m_s: float, heading: float, 
 
 
 CROWDS: Final[dict[str, Crowd]] = {
-    "motorway": Crowd(motorway(32, 4, 14.0), 10.0, 0.5, 5.0, seen_s=(2.0, 5.0), lasts_s=15.0),
-    "queues": Crowd(motorway(20, 2, 5.0), 10.0, 0.5, 5.0, seen_s=(2.0, 5.0), lasts_s=15.0),
-    "crossing": Crowd(crossing(16), 25.0, 0.3, 2.5, lasts_s=20.0),
-    "square": Crowd(bikes(40, 60.0), 10.0, 0.3, 1.5, lasts_s=30.0),
-    "street": Crowd(walkers(40, 10.0, 20.0), 2.5, 0.3, 1.0, lasts_s=40.0),
-    "crowd": Crowd(walkers(130, 5.0, 20.0), 8.0, 0.1, 0.5, clutter_s=2.0, lasts_s=20.0),
+    "motorway": Crowd(motorway(32, 4, 14.0), 10.0, 0.5, 5.0, (2.5, 5.0, 10.0, 20.0), seen_s=(2.0, 5.0), lasts_s=15.0),
+    "queues": Crowd(motorway(20, 2, 5.0), 10.0, 0.5, 5.0, (1.25, 2.5, 5.0, 10.0), seen_s=(2.0, 5.0), lasts_s=15.0),
+    "crossing": Crowd(crossing(16), 25.0, 0.3, 2.5, (1.25, 2.5, 5.0, 10.0), lasts_s=20.0),
+    "square": Crowd(bikes(40, 60.0), 10.0, 0.3, 1.5, (0.75, 1.5, 3.0, 6.0), lasts_s=30.0),
+    "street": Crowd(walkers(40, 10.0, 20.0), 2.5, 0.3, 1.0, (0.5, 1.0, 2.0, 4.0), lasts_s=40.0),
+    "crowd": Crowd(walkers(130, 5.0, 20.0), 8.0, 0.1, 0.5, (0.25, 0.5, 1.0, 2.0), clutter_s=2.0, lasts_s=20.0),
 }  # fmt: skip
 """Cars on a motorway, in queues and over a crossing; bikes, walkers and cars on a square; walkers in a street, and many of them."""

@@ -80,9 +80,7 @@ def row(scene: str, seeds: int) -> Row:
     at_once = [by_links(recording, since_seen=False).tracks for recording in recordings]
     known = mean([score(each.looks, tracks) for each, tracks in zip(recordings, at_once, strict=True)])
     alone = mean([score(each.looks, per_percept(each.looks)) for each in recordings])
-    return Row(
-        scene, seeds, ours, known, clutter, best, setting, best_all, setting_all, confirmed, later, alone, quick
-    )
+    return Row(scene, seeds, ours, known, clutter, best, setting, best_all, setting_all, confirmed, later, alone, quick)
 
 
 def _quick(recordings: Sequence[RoadRecording], setting: Setting, *, everything: bool = False) -> float:

@@ -5,7 +5,7 @@ import io
 import json
 import tempfile
 from collections import defaultdict
-from collections.abc import Iterator, Sequence
+from collections.abc import Iterable, Iterator, Sequence
 from pathlib import Path
 from typing import Any, NamedTuple
 
@@ -45,12 +45,19 @@ def by_links(recording: RoadRecording, type_: str = WORLD, *, since_seen: bool =
 
 
 def link_lines(recording: RoadRecording, *options: str) -> Iterator[dict[str, Any]]:
-    """What `dyknow link --json` prints."""
+    """What `dyknow link --json` prints of a scene with its roads."""
     with tempfile.TemporaryDirectory() as directory:
-        percepts, roads = Path(directory, "percepts.jsonl"), Path(directory, "roads.geojson")
-        percepts.write_text("".join(json.dumps(record) + "\n" for record in recording.records()), encoding="utf-8")
+        roads = Path(directory, "roads.geojson")
         roads.write_text(json.dumps(recording.scene.roads), encoding="utf-8")
-        out = _said("link", "--json", "--percepts", str(percepts), "--roads", str(roads), *options)
+        return lines_of(recording.records(), "--roads", str(roads), *options)
+
+
+def lines_of(records: Iterable[dict[str, Any]], *options: str) -> Iterator[dict[str, Any]]:
+    """What it prints of some percepts."""
+    with tempfile.TemporaryDirectory() as directory:
+        percepts = Path(directory, "percepts.jsonl")
+        percepts.write_text("".join(json.dumps(record) + "\n" for record in records), encoding="utf-8")
+        out = _said("link", "--json", "--percepts", str(percepts), *options)
     return map(json.loads, out)
 
 

@@ -12,13 +12,14 @@ from typing import Final, NamedTuple, TypeAlias
 from anchoring.belief.weighing import AssociationWeights
 from anchoring.links.composites import CompositeSpecification
 from anchoring.links.deciding.gating import gate_of
+from anchoring.links.motion import MotionPredictor
 from anchoring.links.prediction import HabitualMotion, Predictor
-from anchoring.links.specification import FROM, TO, USUAL, StateUnit, distance, filtered, unlikelihood
+from anchoring.links.specification import FROM, TO, USUAL, Lasting, StateUnit, distance, filtered, unlikelihood
 from anchoring.links.specification import LinkSpecification as Specification
 from anchoring.links.states import ObjectState
 from anchoring.links.structures import GENERAL, AnySpecification
 from anchoring.percepts.records import is_geographic, lacks_of
-from anchoring.ready import ROAD_NOISE, SLACK_M
+from anchoring.ready import ALONG_ROADS, ANYWHERE, CANDIDATES, ROAD_NOISE, SLACK_M
 from anchoring.roads.hypotheses import Pruning
 from anchoring.roads.network import RoadNetwork
 from anchoring.roads.objects import OnRoad
@@ -184,14 +185,28 @@ def _specification(label: Label, made: spec.Link, key: LinkageKey, unit_of: User
             unit,
             _predictor(made, roads),
             forget_us=options.forget,
+            lasting=_lasting(made, roads),
+            is_adaptive=made.is_ready,
             score=_SCORES[options.score],
             exclusive=options.exclusive,
             correlated=options.errors == "correlated",
             is_recursive=unit is filtered or getattr(unit, "is_recursive", False),
-            candidates=options.candidates,
+            candidates=CANDIDATES if _is_ready_world(made) and options.candidates == 1 else options.candidates,
             features={} if roads is None else {ON_ROADS: lambda state: roads.on_road(state.x_m, state.y_m, SLACK_M)},
         ),
     )
+
+
+def _is_ready_world(made: spec.Link) -> bool:
+    """Whether percepts become objects as is ready for them."""
+    return made.is_ready and made.unit == "WorldObject"
+
+
+def _lasting(made: spec.Link, roads: RoadNetwork | None) -> Lasting | None:
+    """How long objects are kept: as is ready, unless the link says how long."""
+    if not made.is_ready or made.options.forget != LinkOptions().forget:
+        return None
+    return ANYWHERE if roads is None else ALONG_ROADS
 
 
 def _weighed(name: str, key: LinkageKey, found: Specification) -> Specification:
@@ -206,6 +221,8 @@ def _weighed(name: str, key: LinkageKey, found: Specification) -> Specification:
 def _predictor(made: spec.Link, roads: RoadNetwork | None) -> Predictor | None:
     """What predicts objects that are not seen; None: the general model."""
     options: LinkOptions = made.options
+    if _is_ready_world(made) and not options.predict:
+        return MotionPredictor()
     predict = options.predict or ("individual" if made.unit == "OnRoad" else "velocity")
     if roads is not None and (predict == "roads" or (predict == "individual" and made.unit == "OnRoad")):
         pruning, has_habits = Pruning(most=options.max_hyps), predict == "individual"

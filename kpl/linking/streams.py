@@ -3,12 +3,14 @@
 Declarations that are chained share one object linkage, which is stepped by the first of their streams that has subscribers,
 so that all agree on the symbols. It takes the streams of percepts at the beginning of the chain, and links them as all the
 declarations say. A state comes when its tick is complete, at the end of the instant that brought it; objects that no percept
-shows have one at the sample period. With the last state of an object the field `end` is true.
+shows have one at the sample period. With the last state of an object the field `end` is true. Of links that are ready the states of
+an object from before it was established come when it is, and with the next tick: they are late.
 """
 
-from collections.abc import Mapping, Sequence
+from collections.abc import Iterable, Mapping, Sequence
 from typing import Final, NamedTuple
 
+from anchoring.links.beginnings import ObjectBeginnings
 from anchoring.links.specification import LinkSpecification
 from anchoring.links.structures import AnySpecification, LinkOutcome, ObjectLinkage, StateRecord, record_of
 from anchoring.percepts.leaps import PerceptLeaps
@@ -70,6 +72,8 @@ class SharedLinkage:
         for _, unit in self.units:
             unit.restart()
         self._linkage = ObjectLinkage(self.specifications)
+        ready = [each for each in self.specifications if isinstance(each, LinkSpecification) and each.is_adaptive]
+        self._beginnings = ObjectBeginnings(self._linkage, ready) if ready else None
         self._leaps = PerceptLeaps()
         self._wanted: tuple[Wanted, ...] = ()
         self._ticks = PerceptTicks(len(self.inputs))
@@ -121,7 +125,8 @@ class SharedLinkage:
         now_us = self._now_us if now_us is None else now_us
         for valid_us, percepts in self._ticks.complete(now_us):
             self._latest_us = valid_us
-            self._tell(self.linkage.on_percepts(valid_us, percepts), now_us)
+            outcome = self.linkage.on_percepts(valid_us, percepts)
+            self._tell(outcome if self._beginnings is None else self._beginnings.completed(percepts, outcome), now_us)
 
     def on_time(self, now_us: int) -> None:
         """Objects are predicted up to the valid time that percepts cannot come before."""
@@ -178,6 +183,7 @@ class LinkStream(OnDemand):
         super().__init__()
         self.type, self._shared, self._most = type_, shared, most
         self._records = ObjectRecords(sort, shared.frame)
+        self._held: list[StateRecord] = []
 
     @property
     def linkage(self) -> ObjectLinkage:
@@ -207,6 +213,7 @@ class LinkStream(OnDemand):
             self._network.step(self)
 
     def end(self) -> None:
+        self._held.clear()
         self._shared.end(self)
         if self._network is not None:
             self._network.unstep(self)
@@ -247,13 +254,28 @@ class LinkStream(OnDemand):
     def _value(self, record: StateRecord) -> Value:
         return self._records.value(record, is_anchored=self.linkage.anchored(record.symbol), ended=False)
 
+    def _in_turn(self, records: Iterable[StateRecord]) -> list[StateRecord]:
+        """Those that are due: of an object with states from before it was established the first, the others after it.
+
+        What ranges over the objects has a stream of it from the next instant on, and gets the others.
+        """
+        due, self._held, new = self._held, [], set[str]()
+        for each in records:
+            if each.symbol in new:
+                self._held.append(each)
+            else:
+                due.append(each)
+                if each.late_us:
+                    new.add(each.symbol)
+        return due
+
     def tell(self, outcome: LinkOutcome, now_us: int) -> None:
         """The states of objects of its type."""
-        states = {each.symbol: each for each in outcome.states if each.type == self.type}
-        for record in outcome.states:
-            if record.type == self.type:
-                for each, quality in branches(record, self._most):
-                    self.emit(record.valid_us, self._value(each), max(now_us, record.valid_us), quality)
+        mine = [each for each in outcome.states if each.type == self.type]
+        states = {each.symbol: each for each in mine}
+        for record in self._in_turn(mine):
+            for each, quality in branches(record, self._most):
+                self.emit(record.valid_us, self._value(each), max(now_us, record.valid_us), quality)
         for event in outcome.events:
             if event.kind == "forgotten" and event.target_type == self.type:
                 known = states.get(event.target)

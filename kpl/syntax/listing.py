@@ -86,6 +86,8 @@ def _made(made: spec.Making) -> str:
             return f"{unit}({', '.join(map(_term, inputs))}){_with(policy)}"
         case spec.StateStream(inputs, policy):
             return f"state({', '.join(map(_term, inputs))}){_with(policy)}"
+        case spec.Link(source, unit, options=options, is_ready=True):
+            return f"link({source}, {unit}){print_options(options)}"
         case spec.Link(source, unit, establish, reestablish, maintain, options):
             conditions = ", ".join(map(print_formula, (establish, reestablish, maintain)))
             return f"link({source}, {unit}, {conditions}){print_options(options)}"

@@ -80,7 +80,7 @@ class StateStream(Node):
 
 @dataclass(frozen=True, slots=True)
 class Link(Node):
-    """Objects of one stream linked to objects of another sort (Def. 8.5.3); in the formulas `from` and `to` are both."""
+    """Objects of one stream linked to those of another sort (Def. 8.5.3), `from` and `to`; `is_ready`: no conditions are typed."""
 
     source: Label
     unit: str
@@ -88,6 +88,7 @@ class Link(Node):
     reestablish: Formula
     maintain: Formula
     options: LinkOptions = USUAL
+    is_ready: bool = False
 
 
 @dataclass(frozen=True, slots=True)

@@ -23,7 +23,8 @@ from kpl.diagnostics.suggestions import begins_statement
 from kpl.syntax import specification as spec
 from kpl.syntax.chronicles import parse_chronicles
 from kpl.syntax.grammar import LIMIT_CHARACTERS, moved, parse_tree, placed
-from kpl.syntax.link_options import COMPOSITE_OPTIONS, LINK_OPTIONS, LinkOptions, read_options
+from kpl.syntax.link_options import COMPOSITE_OPTIONS, read_options
+from kpl.syntax.links import LINKED, read_link
 from kpl.syntax.numbers import parse_number
 from kpl.syntax.parsing import FormulaReader, blank, line_width, place_of, raise_all, unit_text
 from reasoning.formulas.evaluation import NoValuePolicy
@@ -39,7 +40,6 @@ ReadFile: TypeAlias = Callable[[str], str]
 """The text of a file that a specification names; raises OSError or UnicodeDecodeError."""
 _WORD = re.compile(r"[A-Za-z_][A-Za-z0-9_-]*")
 _FREE: Final = frozenset[str]()
-_LINKED: Final = frozenset({"from", "to"})
 MAX_ERRORS: Final = 100
 """Statements that leave the grammar after which reading ends."""
 
@@ -148,14 +148,9 @@ class _StatementReader(FormulaReader):
             case "believe":
                 return self._belief(parts, place)
             case "link":
-                source, unit, *conditions = parts[:5]
-                establish, reestablish, maintain = (self.read(condition, _LINKED) for condition in conditions)
-                options = LinkOptions(**read_options(self, parts[5:], LINK_OPTIONS))
-                return spec.Link(
-                    self.label(source), _name(unit), establish, reestablish, maintain, options, place=place
-                )
+                return read_link(self, self.label(parts[0]), _name(parts[1]), parts[2:], place)
             case "composite":
-                together, stays = (self.read(condition, _LINKED) for condition in parts[1:3])
+                together, stays = (self.read(condition, LINKED) for condition in parts[1:3])
                 more = read_options(self, parts[3:], COMPOSITE_OPTIONS)
                 return spec.Composite(self.label(parts[0]), together, stays, **more, place=place)
         member, variable, domain = parts
