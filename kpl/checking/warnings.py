@@ -8,8 +8,9 @@ from dyknow.model.instants import US_PER_S, print_duration, print_instant, print
 from dyknow.model.labels import Label
 from kpl.checking.error_collector import DeclarationErrors
 from kpl.checking.lint import remarks
+from kpl.checking.needs import domains_of, label_of
 from kpl.checking.streams import Streams
-from kpl.checking.symbols import CHRONICLE, DEFINITION, Symbol, SymbolTable, domains_of, label_of, stem
+from kpl.checking.symbols import CHRONICLE, DEFINITION, Symbol, SymbolTable, stem
 from kpl.syntax import specification as spec
 from reasoning.chronicles import ChronicleFile as Chronicles
 from reasoning.chronicles import Recogniser

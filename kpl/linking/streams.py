@@ -6,17 +6,18 @@ declarations say. A state comes when its tick is complete, at the end of the ins
 shows have one at the sample period. With the last state of an object the field `end` is true.
 """
 
-from collections.abc import Mapping, Sequence
+from collections.abc import Callable, Mapping, Sequence
 from typing import Final, NamedTuple
 
 from anchoring.links.specification import LinkSpecification
 from anchoring.links.structures import AnySpecification, LinkOutcome, ObjectLinkage, StateRecord, record_of
 from anchoring.percepts.leaps import PerceptLeaps
 from anchoring.percepts.records import ObjectRecords, PerceptRecords
-from dyknow import US_PER_S, Sample, Sort, Value
+from dyknow import US_PER_S, Label, Network, Sample, Sort, Value
 from dyknow.network.process import FAR_US, Input
 from dyknow.network.processes import OnDemand
 from kpl.linking.branches import branches
+from kpl.linking.condition_streams import TakenStreams
 from kpl.linking.ticks import PerceptTicks
 from kpl.linking.units import LinkedUnit
 from kpl.linking.wants import Wanted, Wants
@@ -41,6 +42,7 @@ class SharedLinkage:
         declared: the unit and the options of each link, by its name.
         frame: about which positions in degrees are taken.
         wants: objects that are looked for.
+        label: of a stream that conditions speak of, with what is meant by `self` put in.
 
     Attributes:
         streams: those with subscribers, in the order in which they had the first.
@@ -53,6 +55,7 @@ class SharedLinkage:
         frame: LocalFrame | None,
         wants: Wants,
         declared: Mapping[str, str],
+        label: Callable[[Label], Label] = lambda label: label,
     ) -> None:
         self.specifications, self.inputs, self.frame = tuple(specifications), tuple(inputs), frame
         self.units = tuple(
@@ -62,6 +65,7 @@ class SharedLinkage:
         )
         self._readers = [PerceptRecords(str(each.taken.label), each.sort, frame) for each in inputs]
         self.streams: list[LinkStream] = []
+        self.taken = TakenStreams(label, self._fault)
         self._wants, self._declared = wants, declared
         self._types = {each.target for each in self.specifications}
         self._restart()
@@ -69,7 +73,7 @@ class SharedLinkage:
     def _restart(self) -> None:
         for _, unit in self.units:
             unit.restart()
-        self._linkage = ObjectLinkage(self.specifications)
+        self._linkage = ObjectLinkage(self.specifications, streams=self.taken)
         self._leaps = PerceptLeaps()
         self._wanted: tuple[Wanted, ...] = ()
         self._ticks = PerceptTicks(len(self.inputs))
@@ -93,12 +97,15 @@ class SharedLinkage:
         """A stream has a subscriber; the first one starts with no objects."""
         if not self.streams:
             self._restart()
+            self.taken.begin(stream.network)
         self.streams.append(stream)
 
     def end(self, stream: "LinkStream") -> None:
         """It has none left."""
         if stream in self.streams:
             self.streams.remove(stream)
+            if not self.streams:
+                self.taken.end()
 
     def take(self, i: int, sample: Sample) -> str:
         """A sample of one of the inputs, of a tick that is not complete; what is wrong with it, or an empty text."""
@@ -162,6 +169,10 @@ class SharedLinkage:
             for said in unit.take_faults():
                 next((each for each in self.streams if each.type == type_), self.streams[0]).fault(said)
 
+    def _fault(self, said: str) -> None:
+        for stream in self.streams[:1]:
+            stream.fault(said)
+
 
 class LinkStream(OnDemand):
     """Makes the stream of one type.
@@ -178,6 +189,11 @@ class LinkStream(OnDemand):
         super().__init__()
         self.type, self._shared, self._most = type_, shared, most
         self._records = ObjectRecords(sort, shared.frame)
+
+    @property
+    def network(self) -> Network | None:
+        """Where it is, while it is attached."""
+        return self._network if isinstance(self._network, Network) else None
 
     @property
     def linkage(self) -> ObjectLinkage:

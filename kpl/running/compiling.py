@@ -200,7 +200,7 @@ class Compiler:
             specifications = link_specifications(key, partial(self._linked_unit, frame))
             if key.roads is None:
                 check_on_road(links, [each.sort for each in inputs])
-            shared = SharedLinkage(specifications, inputs, frame, self.wants, declared_links(key.links))
+            shared = SharedLinkage(specifications, inputs, frame, self.wants, declared_links(key.links), self.label)
             self._linkages[key, inputs] = shared
         made_sort = Streams(self.symbols).objects(label)
         if made_sort is None:

@@ -19,7 +19,7 @@ from dyknow.network.process import FAR_US, Input
 from dyknow.network.stream_proxy import StreamProxy
 from dyknow.policies.policy import Approximation
 from dyknow.states.synchronization import State, StateInput, StatePolicy, Synchronizer
-from kpl.checking.symbols import domains_of
+from kpl.checking.needs import domains_of
 from kpl.syntax.specification import GeneratorDeclaration, Specification, StateStream, StreamDeclaration, StreamTerm
 from reasoning.features.derivation import FeatureInput
 from reasoning.features.derived_streams import DerivedStream, stream_of
