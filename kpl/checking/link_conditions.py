@@ -18,7 +18,8 @@ from kpl.checking.formulas import Sort
 from kpl.checking.formulas_in_context import OF_UNITS, FormulaChecker
 from kpl.checking.needs import conditions_of, label_of
 from kpl.checking.streams import Streams
-from kpl.checking.symbols import CHRONICLE, LINK_UNITS, stem
+from kpl.checking.symbols import CHRONICLE, LINK_UNITS, SELF, stem
+from kpl.diagnostics.collector import nearest
 from kpl.syntax import specification as spec
 from reasoning.features.derivation import FEATURES
 from reasoning.features.objects import lacks
@@ -159,6 +160,10 @@ class ConditionChecker(FormulaChecker):
             self.error(f"{THRESHOLD} is a distance, as it is for `to`", node.place, THRESHOLD)
         elif is_of_end(label) and not self._has_stream(node, label, variables):
             self._no_attribute(node, label)
+        elif meant := self._mistyped_end(node):
+            name, end = meant
+            objects = [end if one == name else str(one) for one in label.objects]
+            self.error(f"nothing is called {name}", node.place, tree.label_text(node.stem, objects))
         elif not label.objects and self._is_attribute(node, label):
             self.error(f"{label} is an attribute of objects: say of which", node.place, f"{label.feature}[{FROM}]")
         elif variables & _ENDS and not self._has_stream(node, label, variables):
@@ -173,12 +178,23 @@ class ConditionChecker(FormulaChecker):
         known = attributes_of(self._types[FROM], self._streams) or {}
         return label.feature in known and not self._has_stream(node, label, frozenset())
 
+    def _mistyped_end(self, node: tree.Feature) -> tuple[str, str] | None:
+        """A name that is nearly that of an end, and of nothing else here; and that end."""
+        for one in node.objects:
+            is_known = not isinstance(one, str) or one in self._known.constants or one in self._objects_there
+            if isinstance(one, str) and not is_known and (near := nearest(one, [FROM, TO, SELF])):
+                return one, near
+        return None
+
     def _has_stream(self, node: tree.Feature, label: Label, variables: frozenset[str]) -> bool:
         streams, known = self._streams, self._streams.known
         if node.name in known.unread or node.name in known.figures:
             return True
         if node.attribute is None and (node.name, len(node.objects)) in self._definitions.features:
             return True
+        whole = label.feature.rpartition(".")[0]
+        if is_of_end(label) and whole in streams.object_streams:
+            return False
         if not is_of_end(label) or streams.symbols.of_feature(node.name):
             return streams.has(label, variables) or label.feature in FEATURES
         sort = streams.object_streams.get(str(self._types[label.objects[0]]))
