@@ -233,7 +233,9 @@ class EnvironmentModel:
         if not any(each.kind in OF_RELATIONS for each in found):
             return found
         now_us = self.valid_us or 0
-        known = {name: (now_us, value) for name, value in zip(self.table.names, self.table.existence, strict=True)}
+        known = {
+            name: (now_us, float(value)) for name, value in zip(self.table.names, self.table.existence, strict=True)
+        }
         known |= {each.instance: (each.valid_us, each.existence) for each in found if each.kind == DELETED}
         for n, each in enumerate(found):
             if each.kind in OF_RELATIONS and each.instance in known:

@@ -103,8 +103,9 @@ class Parts:
         for label, held in self.held.items():
             if held.unit and self._prototypes.find(held.unit) is None and not self.fed.get(held.unit):
                 declared = held.declaration
-                is_of_family = held.members is not None and isinstance(declared, spec.GeneratorDeclaration)
-                waiting.setdefault(held.unit, {})[declared.label if is_of_family else label] = None
+                if held.members is not None and isinstance(declared, spec.GeneratorDeclaration):
+                    label = declared.label  # noqa: PLW2901  (as it is written)
+                waiting.setdefault(held.unit, {})[label] = None
         for each in self._compiler.symbols.symbols():  # a family may have no members yet
             if each.variables and isinstance(each.made, spec.Refinement) and self._prototypes.find(each.uses) is None:
                 waiting.setdefault(each.uses, {})[each.label] = None
