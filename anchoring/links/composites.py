@@ -99,8 +99,7 @@ class CompositeObjects:
         )
         both = replace(self.specification, target=specification.source, streams=specification.streams)
         self._together, self._stays = (
-            PairCondition(each, both, context=around.context)
-            for each in (specification.together, specification.stays)
+            PairCondition(each, both, context=around.context) for each in (specification.together, specification.stays)
         )
         gate = self._together.gate
         if gate is None:

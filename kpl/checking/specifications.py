@@ -9,7 +9,7 @@ from typing import TYPE_CHECKING, NamedTuple
 
 from dyknow.model.errors import TextError
 from dyknow.model.labels import Label
-from dyknow.model.values import Sort
+from dyknow.model.values import Sort, is_kind_of
 from kpl.checking.error_collector import DeclarationErrors
 from kpl.checking.formulas_in_context import FormulaChecker
 from kpl.checking.streams import ANY, Streams
@@ -158,7 +158,7 @@ class _Checker(DeclarationErrors):
 
     def _shape(self, sort: Sort, declaration: spec.Declaration) -> None:
         other = self.known.values.get(sort.name) or self.symbols.shape(sort.name)
-        if other is not None and other != sort:
+        if other is not None and not is_kind_of(sort, other):
             self.wrong(
                 f"the sort {sort.name} is declared already, as {other}", declaration, f"{other}, or another name"
             )
