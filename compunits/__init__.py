@@ -10,6 +10,7 @@ from compunits.cars import (
     ROAD_RELATIONS,
     SEEN_CAR,
     CarByStep,
+    CarInLane,
     CarOnRoad,
     RoadRelations,
     SeenTogether,
@@ -54,7 +55,14 @@ from compunits.relations import (
     relation,
     right_of,
 )
-from compunits.smoothing import ExponentialSmoothing, MovingAverage, MovingMedian, StabilityFilter, StableFields
+from compunits.smoothing import (
+    ExponentialSmoothing,
+    MovingAverage,
+    MovingMedian,
+    Observed,
+    StabilityFilter,
+    StableFields,
+)
 
 __all__ = [
     "CAR",
@@ -68,6 +76,7 @@ __all__ = [
     "ROAD_RELATIONS",
     "SEEN_CAR",
     "CarByStep",
+    "CarInLane",
     "CarOnRoad",
     "Catalogue",
     "ClimbEst",
@@ -83,6 +92,7 @@ __all__ = [
     "KalmanVelocity",
     "MovingAverage",
     "MovingMedian",
+    "Observed",
     "RoadRelations",
     "SameHeight",
     "SeenTogether",

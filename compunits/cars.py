@@ -4,7 +4,7 @@ Positions are metres in a local frame, x to the east and y to the north; directi
 units are made to be put one behind the other:
 
     seen car -> `CarOnRoad` -> car
-    car[a], car[b] -> a state of both -> `RoadOffset` -> `SmoothOffset` -> `RoadRelations` -> `StableFields`
+    car[a], car[b] -> a state of both, of what was observed lately -> `RoadOffset` -> `SmoothOffset` -> `RoadRelations` -> `StableFields`
 
 Raw relations, for comparison, are made with `CarByStep` in the place of `CarOnRoad`, and without the two filters
 `SmoothOffset` and `StableFields`: an error of the positions turns cars round, and near a border relations come and go.
@@ -26,8 +26,11 @@ NO_CROSSING: Final = "no_crossing"
 
 _PLACE: Final = (Field("symbol", "text"), Field("x_m", "m"), Field("y_m", "m"))
 _AREAS: Final = (Field("link", "text"), Field("crossing", "text"))
-SEEN_CAR: Final = Sort("seen-car", (*_PLACE, Field("road_deg", "deg"), *_AREAS))
-"""Where a car is seen, and what the map says of that place: the direction of the road segment, the link, the crossing."""
+SEEN_CAR: Final = Sort("seen-car", (*_PLACE, Field("road_deg", "deg"), *_AREAS), is_open=True)
+"""Where a car is seen, and what the map says of that place: the direction of the road segment, the link, the crossing.
+
+More fields may follow, such as `end in bool`, by which a car is no longer there.
+"""
 CAR: Final = Sort("car", (*_PLACE, Field("forward_deg", "deg"), *_AREAS))
 """The same of a car whose forward direction is known: along its road segment or against it."""
 CAR_AREA: Final = Sort("car-area", _AREAS)
@@ -66,7 +69,8 @@ class CarOnRoad:
     """The car drives along its road segment or against it, as its motion says (thesis 8.7.5).
 
     "The current direction of the car as estimated by the derivative of the position" is compared with that of the segment
-    whenever the car has moved by `metres`; before that there is no output. What stands or wavers keeps its direction.
+    whenever the car has moved by `metres`; before that there is no output. What stands or wavers keeps its direction, also
+    onto a segment that is drawn the other way round.
 
     Args:
         metres: the larger, the less an error of the positions can turn the car round, and the later it is known.
@@ -77,6 +81,7 @@ class CarOnRoad:
         self._from: tuple[float, float] | None = None
         self._latest_us = 0
         self._is_along: bool | None = None
+        self._road_deg = 0.0
 
     def __call__(self, _now_us: int, sample: Sample) -> Value:
         value = sample.value
@@ -89,15 +94,40 @@ class CarOnRoad:
         elif sample.valid_us <= self._latest_us:
             return None
         self._latest_us = sample.valid_us
+        if self._is_along is not None and math.cos(math.radians(road_deg - self._road_deg)) < 0.0:
+            self._is_along = not self._is_along
+        self._road_deg = road_deg
         east_m, north_m = x_m - self._from[0], y_m - self._from[1]
         if math.hypot(east_m, north_m) >= self._least_m:
             road = math.radians(road_deg)
             self._is_along = east_m * math.sin(road) + north_m * math.cos(road) >= 0.0
             self._from = x_m, y_m
-        if self._is_along is None:
+        is_along = self._assumed(road_deg) if self._is_along is None else self._is_along
+        if is_along is None:
             return None
-        forward_deg = wrapped_deg(road_deg if self._is_along else road_deg + 180.0)
-        return value[0], x_m, y_m, forward_deg, *value[4:]
+        forward_deg = wrapped_deg(road_deg if is_along else road_deg + 180.0)
+        return value[0], x_m, y_m, forward_deg, *value[4 : len(CAR.fields)]
+
+    def _assumed(self, _road_deg: float) -> bool | None:
+        """Whether it drives along the segment, before it has moved enough; None: that is not known."""
+        return None
+
+
+@computational_unit(CAR, SEEN_CAR)
+class CarInLane(CarOnRoad):
+    """As `CarOnRoad`, where `road_deg` is the direction of the lane, as `OnMap` has it: known before the car has moved.
+
+    Until it has moved by `metres` it drives as the lanes lead, on the mean, in which it was seen: so what queues has a direction.
+    """
+
+    def __init__(self, metres: float = 20.0) -> None:
+        super().__init__(metres)
+        self._east = self._north = 0.0
+
+    def _assumed(self, road_deg: float) -> bool:
+        east, north = math.sin(math.radians(road_deg)), math.cos(math.radians(road_deg))
+        self._east, self._north = self._east + east, self._north + north
+        return self._east * east + self._north * north >= 0.0
 
 
 @computational_unit(CAR, SEEN_CAR)
@@ -111,7 +141,7 @@ class CarByStep(CarOnRoad):
 @value_unit(CAR_AREA, CAR, name="CarArea")
 def car_area(car: Value) -> Value:
     """The link and the crossing that a car is in, `no_link` and `no_crossing` where it is in none."""
-    return car[4:] if _is_car(car) and is_sound(car) else NO_VALUE
+    return car[4 : len(CAR.fields)] if _is_car(car) and is_sound(car) else NO_VALUE
 
 
 @value_unit(ROAD_OFFSET, "state", name="RoadOffset")
@@ -124,7 +154,7 @@ def road_offset(pair: Value) -> Value:
 
 
 def _is_car(value: Value) -> TypeGuard[tuple[Any, ...]]:
-    return isinstance(value, tuple) and len(value) == len(CAR.fields)
+    return isinstance(value, tuple) and len(value) >= len(CAR.fields)
 
 
 @numeric(3, 3)

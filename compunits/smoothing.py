@@ -143,8 +143,10 @@ class StabilityFilter:
 class StableFields:
     """Each component of a record by itself as by a `StabilityFilter`; nothing before each has passed once.
 
+    A record that has had no value for `seconds` has none: what it was is no longer known, and begins again.
+
     Args:
-        seconds: of valid time; where a sample has no value or another number of components, there is no output.
+        seconds: of valid time; where a sample has another number of components, there is no output.
     """
 
     def __init__(self, seconds: float = 0.5) -> None:
@@ -153,11 +155,15 @@ class StableFields:
         self._since_us: list[int] = []
         self._passed: list[Value] = []
         self._latest_us = 0
+        self._lacking_us: int | None = None
 
     def __call__(self, now_us: int, sample: Sample) -> Sample | None:
         record, valid_us = sample.value, sample.valid_us
+        if record is NO_VALUE:
+            return self._without(now_us, sample)
         if not isinstance(record, tuple) or not is_sound(record):
             return None
+        self._lacking_us = None
         if not self._candidates:
             self._candidates, self._since_us = list(record), [valid_us] * len(record)
             self._passed, self._latest_us = [None] * len(record), valid_us
@@ -172,3 +178,38 @@ class StableFields:
         if None in self._passed:
             return None
         return Sample(now_us, valid_us, tuple(self._passed), sample.quality)
+
+    def _without(self, now_us: int, sample: Sample) -> Sample | None:
+        if not self._candidates or sample.valid_us < self._latest_us:
+            return None
+        self._latest_us = sample.valid_us
+        if self._lacking_us is None:
+            self._lacking_us = sample.valid_us
+        if sample.valid_us - self._lacking_us < self._span_us:
+            return None
+        self._candidates, self._lacking_us = [], None
+        return Sample(now_us, sample.valid_us, NO_VALUE, sample.quality)
+
+
+@computational_unit("?sort", "?sort")
+class Observed:
+    """What was observed, and nothing that is predicted or uncertain: an object of a link while a percept shows it.
+
+    Args:
+        seconds: a prediction passes that was made at most so long before its time.
+        certainty: what is less certain does not pass.
+    """
+
+    def __init__(self, seconds: float = 0.0, certainty: float = 0.9) -> None:
+        if not (isinstance(seconds, int | float) and 0.0 <= seconds < math.inf):
+            raise ValueError(f"seconds must be a number >= 0, got {seconds!r}")
+        if not (isinstance(certainty, int | float) and 0.0 <= certainty <= 1.0):
+            raise ValueError(f"certainty must be a number from 0 to 1, got {certainty!r}")
+        self._span_us, self._least = round(seconds * US_PER_S), certainty
+
+    def __call__(self, now_us: int, sample: Sample) -> Sample | None:
+        quality = sample.quality
+        made_us = sample.valid_us if quality.prediction is None else quality.prediction.made_us
+        is_seen = sample.valid_us - made_us <= self._span_us and quality.certainty >= self._least
+        value = sample.value if is_sound(sample.value) else NO_VALUE
+        return Sample(now_us, sample.valid_us, value, quality) if is_seen else None

@@ -26,7 +26,7 @@ from federation.messages.acts import Act, Performative
 from federation.messages.contents import CheckFormula, Reason, Verdict, When, read
 from federation.messages.contents.parts import MAX_LIST
 from kpl import Instance, print_specification
-from kpl.checking.symbols import domains_of
+from kpl.checking.needs import domains_of
 from kpl.running.asking import read_over
 from kpl.running.formula_states import FormulaState, FormulaStates
 from reasoning import Formula, Progressing, make_progression

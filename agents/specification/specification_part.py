@@ -35,7 +35,8 @@ from federation.members.offers import Service
 from federation.messages.descriptions import LabelEntry
 from federation.sharing.translation import Translation
 from kpl import Hooks, Instance, Specification, parse_specification, print_declaration
-from kpl.checking.symbols import OF_A_PLATFORM, domains_of
+from kpl.checking.needs import domains_of
+from kpl.checking.symbols import OF_A_PLATFORM
 from kpl.checking.warnings import run_warnings
 from kpl.introspection.governor import Governor
 from kpl.introspection.graph import maker_of, origins_of

@@ -5,9 +5,9 @@ predicts all instances, associates, updates, and decides what is created, confir
 """
 
 from collections import Counter
-from collections.abc import Iterator, Mapping, Sequence
+from collections.abc import Iterable, Iterator, Mapping, Sequence
 from dataclasses import replace
-from math import inf, log, prod
+from math import exp, inf, log, prod
 
 import numpy as np
 
@@ -29,6 +29,7 @@ from anchoring.belief.reports import (
     DELETED,
     LATE,
     LIMITED,
+    OF_RELATIONS,
     UNEXPLAINED,
     UNKNOWN,
     BelievedInstance,
@@ -128,7 +129,9 @@ class EnvironmentModel:
         return self._scan(self._encoder.look(valid_us, sensor, observations), events)
 
     def on_look(self, valid_us: int, sensor: str, observations: Sequence[WorldObservation]) -> UpdateReport:
-        """Take in one look: a single observation by the reading of the model, any other number as a scan."""
+        """Take in one look: one observation by the reading of the model, others as a scan; no sensor: time passes."""
+        if not sensor:
+            return self.predict_to(valid_us)
         if len(observations) == 1:
             return self.observe(observations[0])
         return self.observe_scan(observations, valid_us=valid_us, sensor=self._sensor(sensor))
@@ -179,12 +182,14 @@ class EnvironmentModel:
 
     def remove(self, which: Flags) -> list[LifeEvent]:
         """Delete instances (N,) now."""
-        return [*self._delete(which, np.full(len(self.table), self.valid_us or 0), self.table.existence)]
+        return self._existing(self._delete(which, np.full(len(self.table), self.valid_us or 0), self.table.existence))
 
     def revise(self, relations: Mapping[tuple[str, str, str], float]) -> list[LifeEvent]:
         """Believe these relations, (name, instance, other), with these probabilities."""
         now_us = self.valid_us or 0
-        return [event for key, value in relations.items() for event in self._relations.revise(*key, value, now_us)]
+        return self._existing(
+            event for key, value in relations.items() for event in self._relations.revise(*key, value, now_us)
+        )
 
     def relations(self) -> Mapping[tuple[str, str, str], float]:
         """All relations that instances have: (name, instance, other) -> probability."""
@@ -220,7 +225,24 @@ class EnvironmentModel:
                 ended = [*self._delete(ends_us <= valid_us, ends_us)]
         self.table.predict((valid_us - before_us) / US_PER_S)
         ended += [*self._relations.predict(valid_us), *self.table.decide(valid_us)]
-        yield from sorted(ended, key=lambda each: each.valid_us)
+        yield from self._existing(sorted(ended, key=lambda each: each.valid_us))
+
+    def _existing(self, events: Iterable[LifeEvent]) -> list[LifeEvent]:
+        """Events, those of relations with the existence that their instances had."""
+        found = [*events]
+        if not any(each.kind in OF_RELATIONS for each in found):
+            return found
+        now_us = self.valid_us or 0
+        known = {
+            name: (now_us, float(value)) for name, value in zip(self.table.names, self.table.existence, strict=True)
+        }
+        known |= {each.instance: (each.valid_us, each.existence) for each in found if each.kind == DELETED}
+        for n, each in enumerate(found):
+            if each.kind in OF_RELATIONS and each.instance in known:
+                at_us, value = known[each.instance]
+                later = exp((at_us - each.valid_us) / US_PER_S / self.model.lifetime_s)
+                found[n] = each._replace(existence=min(1.0, float(value) * later))
+        return found
 
     def _delete(self, which: Flags, at_us: Floats, existence: Floats | None = None) -> Iterator[LifeEvent]:
         """Remove instances, each at its time."""
@@ -364,7 +386,7 @@ class EnvironmentModel:
         ended = table.existence < self.model.thresholds.delete
         if ended.any():
             events += self._delete(ended, np.full(len(table), look.valid_us), table.existence)
-        return events
+        return self._existing(events)
 
     def _bear(self, look: EncodedLook, new: Floats) -> tuple[Indices, list[LifeEvent]]:
         """Tentative instances of what is probably new; their observations, and what has happened."""

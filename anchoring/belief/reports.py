@@ -8,6 +8,7 @@ from anchoring.belief.arrays import Floats, Indices
 CREATED, CONFIRMED, DELETED = "created", "confirmed", "deleted"
 ATTRIBUTE_CREATED, ATTRIBUTE_DROPPED = "attribute-created", "attribute-dropped"
 RELATION_CREATED, RELATION_DROPPED = "relation-created", "relation-dropped"
+OF_RELATIONS = frozenset({RELATION_CREATED, RELATION_DROPPED})
 UNEXPLAINED, LATE, LIMITED, UNKNOWN = "unexplained", "late", "limited", "unknown-instance"
 TENTATIVE = "tentative"
 NEW, CLUTTER = "new", "clutter"

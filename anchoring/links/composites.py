@@ -9,13 +9,14 @@ that has most of its parts.
 """
 
 from collections.abc import Iterable, Mapping, Sequence
-from dataclasses import dataclass
+from dataclasses import dataclass, replace
 from typing import Final, Protocol
 
 import numpy as np
 
 from anchoring.links.assignment import assigned, natural
-from anchoring.links.deciding.conditions import PairCondition
+from anchoring.links.deciding.conditions import Ends, PairCondition
+from anchoring.links.deciding.context import ConditionContext
 from anchoring.links.deciding.nearness import NearObjects
 from anchoring.links.objects import EventKind, LinkObject, LinkReason, ObjectLink
 from anchoring.links.prediction import certain
@@ -41,6 +42,7 @@ class CompositeSpecification:
             It implies a distance between them.
         stays: over the same; false: they no longer do.
         least: the number of parts that make a composite.
+        streams: features of one part that are streams of their own, and no attributes.
     """
 
     source: str
@@ -48,6 +50,7 @@ class CompositeSpecification:
     together: Formula
     stays: Formula = ALWAYS_TRUE
     least: int = 2
+    streams: frozenset[str] = frozenset()
 
     @property
     def name(self) -> str:
@@ -66,6 +69,8 @@ def check_ends(specifications: Iterable[LinkSpecification | CompositeSpecificati
 
 class CompositeSurroundings(Protocol):
     """What composites need of the structures they belong to."""
+
+    context: ConditionContext
 
     def create(self, valid_us: int, target: str, state: ObjectState, symbol: str | None = None) -> LinkObject:
         """A new object, with a symbol of its own."""
@@ -92,8 +97,9 @@ class CompositeObjects:
         self.specification = LinkSpecification(
             specification.source, specification.target, specification.together, specification.stays
         )
+        both = replace(self.specification, target=specification.source, streams=specification.streams)
         self._together, self._stays = (
-            PairCondition(each, self.specification) for each in (specification.together, specification.stays)
+            PairCondition(each, both, context=around.context) for each in (specification.together, specification.stays)
         )
         gate = self._together.gate
         if gate is None:
@@ -119,7 +125,7 @@ class CompositeObjects:
         failed: dict[str, LinkReason] = {}
         for pair in [pair for pair in self._bonds if fresh.keys() >= set(pair)]:
             bond, (one, other) = self._bonds[pair], (fresh[symbol] for symbol in pair)
-            self._stays.step(bond, valid_us, one.state, other.whereabouts)
+            self._stays.step(bond, valid_us, one.state, other.whereabouts, Ends(*pair))
             if bond.verdict == "false":
                 reason = LinkReason("maintain", self._stays.formula, bond.explain())
                 failed.update(dict.fromkeys(pair, reason))
@@ -137,7 +143,7 @@ class CompositeObjects:
         for pair in new[: max(0, MOST_PAIRS - len(self._bonds))]:
             one, other = (fresh[symbol] for symbol in pair)
             evaluation = self._evaluations.setdefault(pair, self._together.start())
-            self._together.step(evaluation, valid_us, one.state, other.whereabouts)
+            self._together.step(evaluation, valid_us, one.state, other.whereabouts, Ends(*pair))
             if evaluation.verdict != "undecided":
                 del self._evaluations[pair]
             if evaluation.verdict == "true":

@@ -1,6 +1,7 @@
 """Objects and the links between them, and what happens to them."""
 
 from collections import deque
+from collections.abc import Container
 from dataclasses import dataclass, field
 from typing import Final, Literal, NamedTuple, Protocol, TypeAlias
 
@@ -110,6 +111,10 @@ class LinkObject:
         """A live link leads to it, one that has done so since then."""
         self.seen_us += valid_us - max(self.anchored_us, since_us)
         self.anchored_us = valid_us
+
+    def is_anchored(self, percepts: Container[str]) -> bool:
+        """Whether live links lead to it from one of these types, or it is of one."""
+        return self.type in percepts or any(link.source.is_anchored(percepts) for link in self.incoming.values())
 
     @property
     def last_seen(self) -> LastSeen:

@@ -11,7 +11,8 @@ from typing import Protocol
 
 from anchoring.links.assignment import natural
 from anchoring.links.deciding.candidates import LinkCandidate, LinkCandidates, OpenLink, assigned_with, reassigned
-from anchoring.links.deciding.conditions import PairCondition
+from anchoring.links.deciding.conditions import Ends, PairCondition
+from anchoring.links.deciding.context import ConditionContext
 from anchoring.links.deciding.nearness import NearObjects
 from anchoring.links.deciding.reach import Reach
 from anchoring.links.deciding.waiting import ReestablishPair, Unlinked
@@ -23,7 +24,13 @@ from reasoning import Progressing
 
 
 class LinkSurroundings(Protocol):
-    """What a link process needs of the structures it belongs to."""
+    """What a link process needs of the structures it belongs to.
+
+    Attributes:
+        context: what conditions may speak of besides both objects.
+    """
+
+    context: ConditionContext
 
     def create(self, valid_us: int, target: str, state: ObjectState, symbol: str | None = None) -> LinkObject:
         """A new object, with a symbol of its own if none is given."""
@@ -53,10 +60,14 @@ class LinkProcess:
     def __init__(self, specification: LinkSpecification, surroundings: LinkSurroundings) -> None:
         self.specification = specification
         self.name = specification.name
-        self._establish = PairCondition(specification.establish, specification)
-        self._reach = Reach(specification)
-        self._reestablish = PairCondition(specification.reestablish, specification, thresh=self._reach.thresh)
-        self._maintain = PairCondition(specification.maintain, specification, thresh=self._reach.thresh)
+        context, self._reach = surroundings.context, Reach(specification)
+        self._establish = PairCondition(specification.establish, specification, context=context)
+        self._reestablish = PairCondition(
+            specification.reestablish, specification, context=context, thresh=self._reach.thresh
+        )
+        self._maintain = PairCondition(
+            specification.maintain, specification, context=context, thresh=self._reach.thresh
+        )
         self._around = surroundings
         self.unlinked: dict[str, Unlinked] = {}
         self.available: dict[str, tuple[LinkObject, int]] = {}
@@ -139,7 +150,7 @@ class LinkProcess:
             state = self._computed(valid_us, link)
         if link.maintain is not None:
             self.evaluations += 1
-            self._maintain.step(link.maintain, valid_us, source.state, certain(state))
+            self._maintain.step(link.maintain, valid_us, source.state, certain(state), _ends(source, target))
             if link.maintain.verdict == "false" and (candidates := self.candidates.get(source.symbol)) is not None:
                 candidates.lower()
                 link.maintain = self._maintain.start()
@@ -239,7 +250,7 @@ class LinkProcess:
                 waiting.on_state(valid_us, gate.window_us)
             if (establish := waiting.establish) is not None:
                 self.evaluations += 1
-                self._establish.step(establish, valid_us, one.state)
+                self._establish.step(establish, valid_us, one.state, ends=Ends(one.symbol))
                 if establish.verdict == "true":
                     new.append((one, establish))
                 elif establish.verdict == "false":
@@ -347,7 +358,7 @@ class LinkProcess:
             return None
         self.evaluations += 1
         if evaluation.verdict == "undecided":
-            self._reestablish.step(evaluation, valid_us, one.state, whereabouts)
+            self._reestablish.step(evaluation, valid_us, one.state, whereabouts, Ends(one.symbol, target))
         if evaluation.verdict == "false":
             waiting.pairs[target] = ReestablishPair(available_us, None)
             return None
@@ -395,9 +406,13 @@ class LinkProcess:
         if self._maintain.is_trivial:
             return
         link.maintain = self._maintain.start()
-        self._maintain.step(link.maintain, valid_us, source.state, certain(target.state))
+        self._maintain.step(link.maintain, valid_us, source.state, certain(target.state), _ends(source, target))
         if link.maintain.verdict == "false":
             self.unlink(valid_us, link, LinkReason("maintain", self._maintain.formula, link.maintain.explain()))
+
+
+def _ends(source: LinkObject, target: LinkObject) -> Ends:
+    return Ends(source.symbol, target.symbol)
 
 
 def updated(objects: Iterable[LinkObject], valid_us: int) -> list[LinkObject]:

@@ -124,6 +124,7 @@ class LinkSpecification:
         weigh: the weights of the known objects that one object of A could be.
         candidates: most of them that are kept; with 1 it is taken for the one that is chosen.
         features: further features of `from` and `to`, by name.
+        streams: features of one end that are streams of their own, and no attributes.
     """
 
     source: str
@@ -145,6 +146,7 @@ class LinkSpecification:
     weigh: Weigh = likelihoods
     candidates: int = 1
     features: Mapping[str, StateFeature] = field(default_factory=lambda: MappingProxyType({}), compare=False)
+    streams: frozenset[str] = frozenset()
 
     @property
     def name(self) -> str:

@@ -16,6 +16,7 @@ from typing import Final, NamedTuple, TypeAlias
 
 from anchoring.links.assignment import natural
 from anchoring.links.composites import CompositeObjects, CompositeSpecification, check_ends
+from anchoring.links.deciding.context import ConditionContext, ConditionStreams
 from anchoring.links.individuals import Habit, Individual
 from anchoring.links.objects import EventKind, LinkEvent, LinkObject, LinkReason, ObjectLink
 from anchoring.links.prediction import ConstantVelocity, ObjectPrediction, Predictor, certain
@@ -79,6 +80,7 @@ class ObjectLinkage:
         specifications: any order; their types make a graph without cycles.
         period_us: the sample period; None: learnt for each type of percepts.
         silence_us: percepts without a sample for so long have ended; None: by their period.
+        streams: those that conditions may speak of.
 
     Attributes:
         into: the link processes that lead into each type; `composites`: what makes those of parts.
@@ -93,12 +95,17 @@ class ObjectLinkage:
         specifications: Sequence[AnySpecification],
         period_us: int | None = None,
         silence_us: int | None = None,
+        streams: ConditionStreams | None = None,
     ) -> None:
         self.into: dict[str, list[LinkProcess]] = {}
         self._from: dict[str, list[LinkProcess]] = {}
         self.composites: dict[str, CompositeObjects] = {}
         specified = in_order(specifications)
         check_ends(specified)
+        below = dict.fromkeys(each.source for each in specified)
+        self._order = tuple(dict.fromkeys(each.target for each in specified))
+        self._objects: dict[str, dict[str, LinkObject]] = {type_: {} for type_ in (*below, *self._order)}
+        self.context = ConditionContext(self._objects, streams)
         for each in specified:
             if isinstance(each, CompositeSpecification):
                 self.composites[each.target] = CompositeObjects(each, self)
@@ -106,11 +113,8 @@ class ObjectLinkage:
                 process = LinkProcess(each, self)
                 self.into.setdefault(each.target, []).append(process)
                 self._from.setdefault(each.source, []).append(process)
-        self._order = tuple(dict.fromkeys(each.target for each in specified))
         self._speeds = {one: Habit(0.0) for one in self._order}
         self._types = {one: one if one in self.composites else prefix_of(one, self.into) for one in self._order}
-        below = dict.fromkeys(each.source for each in specified)
-        self._objects: dict[str, dict[str, LinkObject]] = {type_: {} for type_ in (*below, *self._order)}
         self._rhythms = {type_: Rhythm(period_us, silence_us) for type_ in below if type_ not in self._order}
         self._numbers = {prefix: count(1) for prefix in set(self._types.values())}
         self._latest_us: int | None = None
@@ -398,16 +402,12 @@ class ObjectLinkage:
     def anchored(self, symbol: str) -> bool:
         """Whether live links lead from a percept to this object."""
         one = self.find(symbol)
-        return one is not None and _is_anchored(one, self._rhythms)
+        return one is not None and one.is_anchored(self._rhythms)
 
     def explain(self, symbol: str) -> tuple[LinkEvent, ...]:
         """The history of an object's links, also of one of those forgotten last; empty if there is none."""
         one = self.find(symbol) or next((each for each in self._forgotten if each.symbol == symbol), None)
         return () if one is None else tuple(one.history)
-
-
-def _is_anchored(one: LinkObject, percepts: Mapping[str, Rhythm]) -> bool:
-    return one.type in percepts or any(_is_anchored(link.source, percepts) for link in one.incoming.values())
 
 
 def record_of(one: LinkObject) -> StateRecord:

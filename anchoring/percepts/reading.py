@@ -3,8 +3,9 @@
     {"t_ms": 100, "percept": "vp1", "type": "vision_percept", "x_m": 1.0, "y_m": 2.0, "sd_m": 0.8,
      "vx_m_s": 9.0, "vy_m_s": 0.1, "colour": "red"}
     {"t_ms": 900, "percept": "vp1", "end": true}
+    {"t_ms": 30000}
 
-Velocity, `sd_m` (1 m) and attributes are optional, `type` too where there is but one; `latitude_deg` and `longitude_deg` may
+A time alone is a tick without percepts: time passes until then. Velocity, `sd_m` (1 m) and attributes are optional, `type` too where there is but one; `latitude_deg` and `longitude_deg` may
 take the place of x (east) and y (north); a whole number may be the name of a percept. Lines are in the order of time; those
 with one `t_ms` are one tick. A line that cannot be used is reported with its number and left out, and so is a percept that a tick has twice with other contents, and a
 tick that is far ahead of the lines before and after it.
@@ -12,7 +13,7 @@ tick that is far ahead of the lines before and after it.
 
 from collections.abc import Callable, Collection, Iterable, Iterator, Mapping
 from math import isfinite
-from typing import Any, Final, NamedTuple
+from typing import Any, Final, NamedTuple, TypeAlias
 
 from anchoring.links.states import ObjectState, diagonal
 from anchoring.links.structures import Percept
@@ -40,8 +41,11 @@ _KEYS: Final = frozenset(
 _EXAMPLE: Final = '{"t_ms": 100, "percept": "vp1", "type": "vision_percept", "x_m": 1.0, "y_m": 2.0}'
 
 
+_Tick: TypeAlias = dict[tuple[str, str], Percept | None]
+
+
 class PerceptTick(NamedTuple):
-    """All percepts of one valid time."""
+    """All percepts of one valid time; there may be none."""
 
     valid_us: int
     percepts: list[Percept]
@@ -76,7 +80,7 @@ class PerceptReader:
         self._file, self._types, self._on_error = file, tuple(types), on_error
         self._is_local = is_local
         self._is_piped, self._leaps = is_piped, PerceptLeaps()
-        self._tick: dict[tuple[str, str], Percept | None] | None = None
+        self._tick: _Tick | None = None
         self._latest_us: int | None = None
         self._before_us: int | None = None
         self._first: _PerceptLine | None = None
@@ -95,7 +99,8 @@ class PerceptReader:
 
     def _on_line(self, line: "_PerceptLine") -> Iterator[PerceptTick]:
         """The tick before, if this line is of the next."""
-        valid_us, percept = line.valid_us(), line.percept(self._types, self._place)
+        valid_us = line.valid_us()
+        percept = None if line.is_time else line.percept(self._types, self._place)
         if error := self._ahead(valid_us):
             self._on_error(error)
             self._tick = self._latest_us = None
@@ -105,17 +110,23 @@ class PerceptReader:
         if valid_us != self._latest_us:
             yield from self._completed()
             self._tick, self._latest_us, self._first = {}, valid_us, line
-        tick, key = self._tick, (percept.type, percept.symbol)
+        tick = self._tick
         if tick is None:
             raise line.error(
                 "an empty line came before, and completed this time", "the empty line after all of one time"
             )
+        if percept is not None:
+            self._take(line, percept, tick)
+
+    def _take(self, line: "_PerceptLine", percept: Percept, tick: "_Tick") -> None:
+        """A percept of the tick that is being read."""
+        key = percept.type, percept.symbol
         if len(tick) >= MOST_IN_TICK and key not in tick:
             raise line.error(f"a tick has at most {MOST_IN_TICK} percepts", "fewer percepts a tick")
         if key in tick and (known := tick[key]) is not None and not _same(known, percept):
             tick[key] = None
             raise line.error(
-                f"{percept.symbol} has two different samples at t_ms {valid_us / US_PER_MS:g}: neither counts",
+                f"{percept.symbol} has two different samples at t_ms {line.time_ms():g}: neither counts",
                 "one sample of a percept a time, or another name",
             )
         if key not in tick and (leap_m := self._leaps.leap_m(percept)) is not None:
@@ -180,6 +191,11 @@ class _PerceptLine(JsonLine):
 
     def __init__(self, line: str | bytes, number: int, file: str) -> None:
         super().__init__(line, number, file, "a percept", _EXAMPLE)
+
+    @property
+    def is_time(self) -> bool:
+        """Whether it is a time alone."""
+        return self.record.keys() == {"t_ms"}
 
     def valid_us(self) -> int:
         return round(self.time_ms() * US_PER_MS)

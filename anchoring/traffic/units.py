@@ -7,6 +7,7 @@ may be that late.
 
 import math
 from collections.abc import Callable, Iterator
+from dataclasses import replace
 from functools import partial
 from typing import Any, Final, TypeAlias
 
@@ -105,7 +106,10 @@ class PlacesOnRoads:
 
 
 class OnMap:
-    """The link or the crossing of an object and the direction of the road there; no output while it is off the roads."""
+    """The link or the crossing of an object and the direction of its lane there; no output while it is off the roads.
+
+    Where a lane leads both ways the direction is that of the link, from its start to its end.
+    """
 
     def __init__(self, network: RoadNetwork) -> None:
         self._places = PlacesOnRoads(network)
@@ -117,12 +121,13 @@ class OnMap:
             return None
         symbol, place = found[0], found[1]
         if place.link is not None:
-            line = self._places.network.links[place.link].line
-            self._road_deg = 90.0 - math.degrees(line.at(place.offset_m, 0.0)[2])
+            link = self._places.network.links[place.link]
+            back_deg = 180.0 if place.lane is not None and link.lanes[place.lane].direction < 0 else 0.0
+            self._road_deg = 90.0 + back_deg - math.degrees(link.line.at(place.offset_m, 0.0)[2])
         _, x_m, y_m = seen.value[:3]
         names = self._places.network.names
-        link = NO_LINK if place.link is None else names[place.link]
-        return symbol, x_m, y_m, self._road_deg, link, NO_CROSSING if place.crossing is None else names[place.crossing]
+        name = NO_LINK if place.link is None else names[place.link]
+        return symbol, x_m, y_m, self._road_deg, name, NO_CROSSING if place.crossing is None else names[place.crossing]
 
 
 class _OnceASecond:
@@ -295,7 +300,7 @@ def road_units(network: RoadNetwork) -> tuple[Prototype, ...]:
 
     turns = (SourcePrototype(name, WAYS, partial(_turns, network, turn)) for name, turn in TURNS.items())
     return (
-        unit("OnMap", OnMap, SEEN_CAR, OBJECT),
+        unit("OnMap", OnMap, replace(SEEN_CAR, is_open=False), OBJECT),
         unit("LinkTraffic", TrafficOnLinks, LINK_TRAFFIC, OBJECT, INSTANT),
         unit("PassableRoutes", PassableRoutes, ROUTE_STATE, OBJECT, WANTED_ROUTE, INSTANT),
         SourcePrototype("seconds", INSTANT.name, seconds, checked_sorts=(INSTANT,)),

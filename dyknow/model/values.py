@@ -47,7 +47,8 @@ class Field(NamedTuple):
 class Sort:
     """What the values of a stream are: records of `fields`, or, without fields, simple values.
 
-    Of an open sort only the name is known: its values are simple, or tuples of values.
+    Of an open sort only the name is known: its values are simple, or tuples of values; or, of one with fields, the first of them:
+    declared for a stream it may have more behind these.
 
     Attributes:
         unit: of a sort of simple values: as of a field. Empty: any simple value is of the sort.
@@ -144,6 +145,13 @@ class Sort:
 
     def _names(self) -> str:
         return ", ".join(f.name for f in self.fields)
+
+
+def is_kind_of(sort: Sort, wanted: Sort) -> bool:
+    """Whether values of a sort are as `wanted` says or, if that is open, have more behind its fields."""
+    if not wanted.is_open:
+        return sort == wanted
+    return sort.name == wanted.name and sort.fields[: len(wanted.fields)] == wanted.fields
 
 
 def without_nan(value: Value) -> Value:

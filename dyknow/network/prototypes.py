@@ -240,8 +240,8 @@ def _name(sort: str | Sort) -> str:
 
 
 def _checked(*sorts: str | Sort) -> tuple[Sort, ...]:
-    """Those that say what their values are."""
-    return tuple(sort for sort in sorts if isinstance(sort, Sort) and not sort.is_open)
+    """Those that say what their values are, or what they begin with."""
+    return tuple(sort for sort in sorts if isinstance(sort, Sort) and (sort.fields or not sort.is_open))
 
 
 def prototypes_in(names: Iterable[Any]) -> list[Prototype]:

@@ -42,10 +42,11 @@ _CONSTRAINTS: Final = (
     ("use most recent", "approximation", "most recent"),
     ("use linear", "approximation", "linear"),
     ("delay before approximation", "delay_before_us", "$time"),
+    ("max age of prediction", "prediction_age_us", "$time"),
+    ("max age", "max_age_us", "$time"),
     ("min certainty", "min_certainty", "$number"),
     ("max deviation", "max_deviation", "$number"),
     ("predict", "predict_us", "$time"),
-    ("max age of prediction", "prediction_age_us", "$time"),
     ("importance", "importance", "$number"),
 )
 """The words of each constraint (thesis 4.4.3 and ours), the attribute it sets, and to what."""
@@ -53,7 +54,7 @@ _KINDS: Final = {"sample_us": "change"}
 """Attributes that share one kind of constraint."""
 _FORMS: Final = (
     "any update, any change, all updated, all changed, sample every T, max delay T, from T to T, any order, monotone order, strict order, "
-    "no approximation, use most recent, use linear, delay before approximation T, min certainty P, max deviation D, "
+    "no approximation, use most recent, use linear, delay before approximation T, max age T, min certainty P, max deviation D, "
     "predict T, max age of prediction T, importance N"
 )
 
@@ -68,13 +69,15 @@ class Policy:
         sample_us: the grid's period. The grid is anchored on `from_us`, else on the first sample delivered.
         max_delay_us: available time may exceed valid time by so much; None is no limit.
         from_us: first valid time of interest, `to_us` the last, both inclusive; None is no bound. Either may be an
-            `RelativeInstant` from the moment of declaration until `at` has been told when that was.
+            `RelativeInstant` from the moment of declaration until `at` knows when that was.
         order: relation of valid times of successive samples.
         approximation: what may stand in for a missing sample. `most recent` needs `sample`, `from_us` and
             `max_delay_us`, so that it is known what is missing, and when; `linear` needs `sample`.
         exact: `no approximation` was given, by itself: the stream is the same, but a state has no other values
             of it (7.8.2), where it would have the most recent one.
         delay_before_us: of state streams: how long to wait before an approximation is used (7.8.2).
+        max_age_us: of state streams: what was observed longer before the state is no value there; what is predicted
+            was observed when it was made. None is no limit.
         min_certainty: samples are right with at least this probability, in [0, 1]; None is no limit (12.3).
         max_deviation: no component has a greater standard deviation, in its unit; None is no limit (12.3).
         predict_us: values so long after each sample, on the straight line through it and the one before; each is valid
@@ -100,6 +103,7 @@ class Policy:
     exact: bool = False
     predict_us: int | None = None
     prediction_age_us: int | None = None
+    max_age_us: int | None = None
 
     def __post_init__(self) -> None:
         self._check_words()
@@ -142,7 +146,8 @@ class Policy:
     @property
     def is_of_states(self) -> bool:
         """Whether a constraint needs the inputs of states, and means nothing of another stream."""
-        return self.delay_before_us is not None or self.change in {"all updated", "all changed"}
+        timed = (self.delay_before_us, self.max_age_us) != (None, None)
+        return timed or self.change in {"all updated", "all changed"}
 
     def at(self, now_us: int) -> "Policy":
         """The policy, declared at `now_us`: relative bounds become instants.
@@ -193,6 +198,7 @@ class Policy:
             "no approximation" if self.exact else "",
             f"use {self.approximation}" if self.approximation != "none" else "",
             _timed("delay before approximation", self.delay_before_us),
+            _timed("max age", self.max_age_us),
             _number("min certainty", self.min_certainty),
             _number("max deviation", self.max_deviation),
             _timed("predict", self.predict_us),
@@ -244,6 +250,7 @@ class Policy:
             "delay_before_us",
             "predict_us",
             "prediction_age_us",
+            "max_age_us",
         ):
             time_us = getattr(self, name)
             least_us = -MAX_DURATION_US if isinstance(time_us, RelativeInstant) else 0

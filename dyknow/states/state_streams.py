@@ -22,6 +22,7 @@ from dyknow.states.synchronization import (
     StateInput,
     StatePolicy,
     Synchronizer,
+    recent,
 )
 
 When: TypeAlias = Literal["sampled", "any update", "any change", "all updated", "all changed"]
@@ -32,6 +33,9 @@ KEPT = 64
 class StateStreamProcess(OnDemand):
     """A process whose values are states: tuples of the values of its inputs, in their order, as certain as those together.
 
+    Args:
+        max_age_us: what was observed longer before a state is no value there; a prediction was observed when it was made.
+
     Attributes:
         recent: the last states, each with how its values were obtained.
 
@@ -39,8 +43,11 @@ class StateStreamProcess(OnDemand):
         PolicyError: sampled, and there is no period, or no delay after which a state is computed with what there is.
     """
 
-    def __init__(self, inputs: Sequence[Input], policy: StatePolicy | None, when: When = "sampled") -> None:
+    def __init__(
+        self, inputs: Sequence[Input], policy: StatePolicy | None, when: When = "sampled", max_age_us: int | None = None
+    ) -> None:
         super().__init__()
+        self._max_age_us = max_age_us
         self._wanted, self.when, self._policy = tuple(inputs), when, policy
         self.recent: deque[State] = deque(maxlen=KEPT)
         self._maker = self._make()
@@ -90,7 +97,7 @@ class StateStreamProcess(OnDemand):
         return ChangeStates(tuple(str(each.label) for each in self._wanted), self.when, exact)
 
     def _hand_on(self, states: list[State]) -> None:
-        for state in states:
+        for state in [recent(each, self._max_age_us) for each in states]:
             self.recent.append(state)
             certainty = prod(each.certainty for each in state.origins)
             prediction = oldest(each.prediction for each in state.origins)

@@ -4,7 +4,7 @@ from collections.abc import Iterable, Sequence
 from dataclasses import dataclass
 from enum import Enum
 from math import gcd
-from typing import Literal, NamedTuple, TypeAlias
+from typing import Final, Literal, NamedTuple, TypeAlias
 
 from dyknow.model.errors import PolicyError
 from dyknow.model.instants import print_duration
@@ -40,6 +40,14 @@ class Origin(NamedTuple):
     valid_us: int | None
     certainty: float = 1.0
     prediction: Predicted | None = None
+
+    @property
+    def observed_us(self) -> int | None:
+        """When the newest observation was made from which it comes; None where there is no value."""
+        return self.valid_us if self.prediction is None else self.prediction.made_us
+
+
+LACKING: Final = Origin("no value", None)
 
 
 class State(NamedTuple):
@@ -165,7 +173,7 @@ class _Input:
         if best is not None and best.valid_us == sync_us:
             return Origin("exact", sync_us, best.quality.certainty, best.quality.prediction)
         if best is None or not self.has_approximation() or self.approximation == "none":
-            return Origin("no value", None)
+            return LACKING
         used = (best, self.buffer.later[0]) if self.approximation == "linear" else (best,)
         prediction = oldest(each.quality.prediction for each in used)
         return Origin(self.approximation, best.valid_us, min(each.quality.certainty for each in used), prediction)
@@ -356,6 +364,21 @@ class Synchronizer:
         if count > 0:
             self.skipped += count
             self._move(self._sync_us + count * self.period_us, now_us - 1)
+
+
+def recent(state: State, max_age_us: int | None) -> State:
+    """The state without the values, and their origins, that were observed more than `max_age_us` before it."""
+    if max_age_us is None:
+        return state
+    oldest_us = state.valid_us - max_age_us
+    old = [
+        observed_us is not None and observed_us < oldest_us for observed_us in (o.observed_us for o in state.origins)
+    ]
+    if not any(old):
+        return state
+    values = tuple([NO_VALUE if is_old else value for value, is_old in zip(state.values, old, strict=True)])
+    origins = tuple([LACKING if is_old else origin for origin, is_old in zip(state.origins, old, strict=True)])
+    return state._replace(values=values, origins=origins)
 
 
 def _common_period_us(policies: Sequence[Policy]) -> int:

@@ -9,8 +9,9 @@ from typing import Any
 
 from dyknow.model.labels import Label
 from dyknow.objects.object_streams import OBJECTS, domain_of
+from kpl.checking.needs import domains_of
 from kpl.checking.streams import Streams
-from kpl.checking.symbols import SymbolTable, domains_of
+from kpl.checking.symbols import SymbolTable
 from reasoning.formulas import tree
 
 

@@ -13,8 +13,9 @@ from dyknow.objects.object_streams import OBJECTS, attribute_of
 from kpl.checking.definitions import Definitions
 from kpl.checking.error_collector import DeclarationErrors
 from kpl.checking.formulas import Checker, Sort, Vocabulary
+from kpl.checking.needs import label_of
 from kpl.checking.streams import Streams
-from kpl.checking.symbols import MARGIN, MONITOR, OF_A_PLATFORM, SELF, label_of
+from kpl.checking.symbols import MARGIN, MONITOR, OF_A_PLATFORM, SELF
 from kpl.diagnostics.collector import nearest
 from kpl.syntax.specification import Define, MonitorDeclaration
 from reasoning.features.derivation import FEATURES
@@ -23,7 +24,7 @@ from reasoning.formulas import tree
 from reasoning.monitoring.margins import check_windows
 
 TRUTHS: Final = (*tree.TEMPORAL, tree.Compare, tree.Not, tree.And, tree.Or, tree.Implies, tree.Forall, tree.Exists)
-_OF_UNITS: Final[dict[str, Sort]] = {"bool": "boolean", "text": "object"}
+OF_UNITS: Final[dict[str, Sort]] = {"bool": "boolean", "text": "object"}
 
 
 class FormulaChecker(Checker):
@@ -213,13 +214,13 @@ class FormulaChecker(Checker):
             self.error(lacking[0], node.place, lacking[1])
         attribute = self._streams.attribute(node.name) if node.attribute is None and len(label.objects) == 1 else None
         if attribute is not None and not self._streams.has_feature(node.name):
-            return _OF_UNITS.get(attribute.unit, "number")
+            return OF_UNITS.get(attribute.unit, "number")
         record = self._streams.record(label, variables)
         if lacking is not None or record is None or not record.fields:
             return "any"
         if node.attribute is None:  # of a derived feature's name it may be that one, in a federation
             return "any" if node.name in FEATURES else "record"
-        return _OF_UNITS.get(next(each.unit for each in record.fields if each.name == node.attribute), "number")
+        return OF_UNITS.get(next(each.unit for each in record.fields if each.name == node.attribute), "number")
 
     def _unknown_name(self, node: tree.Feature, label: Label) -> None:
         near = self._collector.closest(str(label), (*self._labels, *self._arities, *self._known.constants))

@@ -5,11 +5,11 @@ Labels of members (`pos[car]` in `for car in ...`, select and merge) stand for a
 
 from collections.abc import Collection, Iterable, Iterator, Sequence
 from functools import cached_property
-from typing import NamedTuple
+from typing import TYPE_CHECKING, NamedTuple
 
 from dyknow.model.errors import TextError
 from dyknow.model.labels import Label
-from dyknow.model.values import Sort
+from dyknow.model.values import Sort, is_kind_of
 from kpl.checking.error_collector import DeclarationErrors
 from kpl.checking.formulas_in_context import FormulaChecker
 from kpl.checking.streams import ANY, Streams
@@ -17,6 +17,9 @@ from kpl.checking.symbols import CHRONICLE, GENERATOR, LINK_UNITS, MAKER, MARGIN
 from kpl.checking.warnings import warnings_of
 from kpl.syntax import specification as spec
 from reasoning.formulas.tree import Node, instantiate
+
+if TYPE_CHECKING:
+    from kpl.checking.link_conditions import ConditionChecker
 
 LONGEST_CHAIN = 64
 """Samples flow by plain calls: this is the longest chain of processes."""
@@ -70,6 +73,12 @@ class _Checker(DeclarationErrors):
     def _formulas(self) -> FormulaChecker:
         return FormulaChecker(self.streams, self)
 
+    @cached_property
+    def _conditions(self) -> "ConditionChecker":
+        from kpl.checking.link_conditions import ConditionChecker
+
+        return ConditionChecker(self.streams, self)
+
     def check(self, new: Sequence[spec.Declaration], touched: Sequence[spec.Declaration]) -> None:
         """`new` are from the text, the others that are touched run already."""
         from_text = {id(each) for each in new}
@@ -80,9 +89,11 @@ class _Checker(DeclarationErrors):
                 self._check(each)
             self._check_making(each)
             self._check_inputs(each)
-            formula = spec.monitor_of(each) or each
+            formula, made = spec.monitor_of(each) or each, spec.making_of(each)
             if isinstance(formula, spec.Define | spec.MonitorDeclaration):
                 self._formulas.look_at(formula)
+            elif isinstance(made, spec.Link | spec.Composite):
+                self._conditions.look_at_conditions(self.symbols.of(each).label, made)
         self.of = None
         self._check_chains(touched, from_text)
 
@@ -147,7 +158,7 @@ class _Checker(DeclarationErrors):
 
     def _shape(self, sort: Sort, declaration: spec.Declaration) -> None:
         other = self.known.values.get(sort.name) or self.symbols.shape(sort.name)
-        if other is not None and other != sort:
+        if other is not None and not is_kind_of(sort, other):
             self.wrong(
                 f"the sort {sort.name} is declared already, as {other}", declaration, f"{other}, or another name"
             )

@@ -7,10 +7,10 @@ from typing import Final
 from dyknow.model.labels import Label
 from dyknow.model.values import SYMBOL, Field, Sort
 from dyknow.objects.object_streams import OBJECTS, TYPE
+from kpl.checking.needs import NOTHING
 from kpl.checking.symbols import (
     DEFINITION,
     LINK_UNITS,
-    NOTHING,
     OF_A_PLATFORM,
     Symbol,
     SymbolTable,

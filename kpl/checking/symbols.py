@@ -11,6 +11,7 @@ from typing import TYPE_CHECKING, Any, Final, NamedTuple, TypeAlias
 from dyknow.model.labels import Label
 from dyknow.model.semantic_labels import SemanticLabel
 from dyknow.model.values import Sort
+from kpl.checking.needs import NOTHING, Need, conditions_of, needs_of, reads_of
 from kpl.syntax import specification as spec
 from reasoning.formulas import tree
 
@@ -21,7 +22,6 @@ if TYPE_CHECKING:
 SELF = "self"
 LINK_UNITS: Final = frozenset({"WorldObject", "OnRoad", "SameState"})
 """The units of links that need no declaration."""
-NOTHING = frozenset[str]()
 MAKER, GENERATOR, STREAM, EXPORT = "a source or a unit", "a generator", "a stream", "an export"
 MONITOR, CHRONICLE, DEFINITION = "a monitor", "a chronicle", "a definition"
 SEMANTIC, SORT, ROADS, WANTED = "a semantic label", "a sort", "declared", "wanted"
@@ -64,13 +64,6 @@ class Known(NamedTuple):
     frame: "LocalFrame | None" = None
     offered: Collection[str] = ()
     unread: Collection[str] = ()
-
-
-class Need(NamedTuple):
-    """A stream that is needed; the variables in its label stand for any object."""
-
-    term: spec.StreamTerm
-    variables: frozenset[str] = NOTHING
 
 
 @dataclass(frozen=True, slots=True, eq=False)
@@ -118,7 +111,8 @@ def symbol_of(declaration: spec.Declaration) -> Symbol:
         case spec.SourceDeclaration(_, name) | spec.UnitDeclaration(_, name):
             return Symbol(declaration, MAKER, (name,))
         case spec.GeneratorDeclaration(label, made):
-            return Symbol(declaration, GENERATOR, (label,), label, takes=tuple(_needs(made, NOTHING)))
+            takes, reads = tuple(needs_of(made)), reads_of(*conditions_of(made))
+            return Symbol(declaration, GENERATOR, (label,), label, takes=takes, reads=reads)
         case spec.ForEach(variables, domain, body):
             free, one = frozenset(variables), symbol_of(body)
             takes = (Need(domain), *(Need(need.term, need.variables | free) for need in one.takes))
@@ -134,14 +128,14 @@ def symbol_of(declaration: spec.Declaration) -> Symbol:
         case spec.SortDeclaration():
             return Symbol(declaration, SORT, (declaration.name,))
         case spec.MonitorDeclaration(name, formula):
-            return Symbol(declaration, MONITOR, (name,), reads=_reads(formula))
+            return Symbol(declaration, MONITOR, (name,), reads=reads_of(formula))
         case spec.Define(feature, formula):
-            return Symbol(declaration, DEFINITION, ((feature.name, len(feature.objects)),), reads=_reads(formula))
+            return Symbol(declaration, DEFINITION, ((feature.name, len(feature.objects)),), reads=reads_of(formula))
         case spec.RoadsDeclaration():
             return Symbol(declaration, ROADS, ("roads",))
         case spec.WantDeclaration(symbol, stream, description):
             takes = (Need(spec.StreamTerm(stream, place=declaration.place)),)
-            return Symbol(declaration, WANTED, (symbol,), takes=takes, reads=_reads(description))
+            return Symbol(declaration, WANTED, (symbol,), takes=takes, reads=reads_of(description))
         case spec.ChronicleDeclaration(content=content):
             return Symbol(declaration, CHRONICLE, tuple(content.chronicles) if content is not None else ())
 
@@ -346,28 +340,6 @@ def _is_of(symbol: Symbol, sort: str) -> bool:
     return isinstance(symbol.declaration, spec.LabelDeclaration) and symbol.declaration.sort.name == sort
 
 
-def _reads(formula: tree.Formula) -> tuple[Need, ...]:
-    features = (node for node in tree.walk(formula) if isinstance(node, tree.Feature))
-    read = [*map(label_of, features), *((Label(name), NOTHING) for name in domains_of(formula))]
-    return tuple(Need(spec.StreamTerm(label), variables) for label, variables in read)
-
-
-def domains_of(formula: tree.Formula) -> tuple[str, ...]:
-    """The named domains over which a formula quantifies."""
-    found: dict[str, None] = {}
-    for node in tree.walk(formula):
-        if isinstance(node, tree.Forall | tree.Exists):
-            domain: tree.Domain = node.domain
-            found.update(dict.fromkeys(one for one in (domain.base, *domain.minus) if isinstance(one, str)))
-    return tuple(found)
-
-
-def label_of(feature: tree.Feature) -> tuple[Label, frozenset[str]]:
-    """The label of a feature in a formula, and which of its objects are variables."""
-    variables = frozenset(one.name for one in feature.objects if isinstance(one, tree.Variable))
-    return Label(feature.stem, tuple(one if isinstance(one, str) else one.name for one in feature.objects)), variables
-
-
 def constant_of(definition: spec.Define) -> Constant | None:
     """The value, if the definition is a number, a time, a text or a truth value without objects."""
     formula = definition.formula
@@ -407,14 +379,3 @@ def _meets(need: Need, made: Symbol) -> bool:
     if label.feature != made.label.feature:
         return stem(label) == stem(made.label)
     return label == made.label or fit(label, need.variables, made.label, made.variables)
-
-
-def _needs(made: spec.Making, variables: frozenset[str]) -> Iterator[Need]:
-    match made:
-        case spec.Refinement() | spec.StateStream() | spec.FirstOf() | spec.Belief():
-            yield from (Need(term, variables) for term in spec.terms_of(made))
-        case spec.Link(source) | spec.Composite(source):
-            yield Need(spec.StreamTerm(source, place=made.place), variables)
-        case spec.Select(term, variable, domain) | spec.Merge(term, variable, domain):
-            yield Need(domain, variables)
-            yield Need(term, variables | {variable})

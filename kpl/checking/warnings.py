@@ -8,8 +8,9 @@ from dyknow.model.instants import US_PER_S, print_duration, print_instant, print
 from dyknow.model.labels import Label
 from kpl.checking.error_collector import DeclarationErrors
 from kpl.checking.lint import remarks
+from kpl.checking.needs import domains_of, label_of
 from kpl.checking.streams import Streams
-from kpl.checking.symbols import CHRONICLE, DEFINITION, SymbolTable, domains_of, label_of, stem
+from kpl.checking.symbols import CHRONICLE, DEFINITION, Symbol, SymbolTable, stem
 from kpl.syntax import specification as spec
 from reasoning.chronicles import ChronicleFile as Chronicles
 from reasoning.chronicles import Recogniser
@@ -51,7 +52,19 @@ def warnings_of(every: Sequence[spec.Declaration], symbols: SymbolTable, errors:
         if isinstance(declared, spec.MonitorDeclaration):
             said_of = remarks(declared.formula, lambda feature: _is_raw(feature, symbols))
             found += [errors.located(one.message, one.node, one.repair) for one in said_of]
-    return [*found, *stray_grids(every, errors)]
+    return [*found, *unoffered(map(symbols.of, every), symbols.known.units, errors), *stray_grids(every, errors)]
+
+
+def unoffered(every: Iterable[Symbol], offered: Collection[str], errors: DeclarationErrors) -> Iterator[TextError]:
+    """Units that nothing implements, each at the first stream that is made from it, also of members that are yet to come."""
+    waiting: dict[str, list[Symbol]] = {}
+    for each in every:
+        if isinstance(each.made, spec.Refinement) and each.uses not in offered:
+            waiting.setdefault(each.uses, []).append(each)
+    for name, made in waiting.items():
+        labels = ", ".join(str(each.label) for each in made[:4])
+        said = f"no module offers {name}: {labels} and what is made of it wait"
+        yield errors.located(said, made[0].declaration, f"--units MODULE, which has a unit {name}")
 
 
 def run_warnings(

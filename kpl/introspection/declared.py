@@ -7,7 +7,7 @@ the streams whose attributes change.
 from collections.abc import Collection, Iterator
 
 from dyknow import Label
-from kpl.checking.symbols import domains_of
+from kpl.checking.needs import domains_of
 from kpl.running.instance import Instance
 from kpl.syntax import specification as spec
 

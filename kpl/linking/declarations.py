@@ -27,7 +27,8 @@ from anchoring.roads.prediction import AlongRoads
 from dyknow import Label, Sort
 from dyknow.model.errors import TextError, did_you_mean
 from kpl.checking.definitions import Definitions
-from kpl.checking.streams import origin_of
+from kpl.checking.link_conditions import streams_of_ends
+from kpl.checking.streams import Streams, origin_of
 from kpl.checking.symbols import GENERATOR, SELF, SymbolTable
 from kpl.linking.roads import ON_ROADS, check_cameras, check_origin
 from kpl.syntax import specification as spec
@@ -79,12 +80,14 @@ class LinkageKey(NamedTuple):
         links: the declarations that are chained, in the order given, with definitions put into their conditions.
         origin: latitude and longitude of x = y = 0, degrees, if that is known.
         beliefs: by whose world models candidates are weighed, by name.
+        streams: of each declaration, the features of one end in its conditions that are streams, and no attributes.
     """
 
     links: tuple[tuple[Label, Linked], ...]
     roads: RoadNetwork | None
     origin: tuple[float, float] | None
     beliefs: tuple[tuple[str, spec.Belief], ...] = ()
+    streams: tuple[frozenset[str], ...] = ()
 
 
 def linkage_of(label: Label, made: Linked, symbols: SymbolTable) -> LinkageKey:
@@ -106,7 +109,9 @@ def linkage_key(links: LinkDeclarations, symbols: SymbolTable) -> LinkageKey:
     for _, made in links[:1]:
         check_origin(made, roads, origin)
         check_cameras(made, origin, symbols.known.frame)
-    return LinkageKey(whole, roads, origin, tuple(_beliefs(links, symbols)))
+    known = Streams(symbols)
+    streams = tuple(frozenset(streams_of_ends(made, label, known)) for label, made in whole)
+    return LinkageKey(whole, roads, origin, tuple(_beliefs(links, symbols)), streams)
 
 
 def _beliefs(links: LinkDeclarations, symbols: SymbolTable) -> Iterator[tuple[str, spec.Belief]]:
@@ -157,20 +162,24 @@ def link_specifications(
         TextError: there is no such unit of links, or something needs roads.
     """
     return tuple(
-        _composite(label, made) if isinstance(made, spec.Composite) else _specification(label, made, key, unit_of)
-        for label, made in key.links
+        _composite(label, made, streams)
+        if isinstance(made, spec.Composite)
+        else _specification(label, made, key, unit_of, streams)
+        for (label, made), streams in zip(key.links, key.streams, strict=True)
     )
 
 
-def _composite(label: Label, made: spec.Composite) -> CompositeSpecification:
-    found = CompositeSpecification(str(made.source), str(label), made.together, made.stays, made.least)
+def _composite(label: Label, made: spec.Composite, streams: frozenset[str]) -> CompositeSpecification:
+    found = CompositeSpecification(str(made.source), str(label), made.together, made.stays, made.least, streams)
     if gate_of(made.together, USUAL.most_m) is None:
         said = f"parts of {label} may be anywhere: the first condition implies no distance between them"
         raise TextError.at(made.place, said, repair="always[0, 2s] (xy_dist[from, to] < 30 and ...)")
     return found
 
 
-def _specification(label: Label, made: spec.Link, key: LinkageKey, unit_of: UserUnit) -> Specification:
+def _specification(
+    label: Label, made: spec.Link, key: LinkageKey, unit_of: UserUnit, streams: frozenset[str]
+) -> Specification:
     roads, options = key.roads, made.options
     unit = _unit(label, made, roads, unit_of)
     return _weighed(
@@ -193,6 +202,7 @@ def _specification(label: Label, made: spec.Link, key: LinkageKey, unit_of: User
             is_recursive=unit is filtered or getattr(unit, "is_recursive", False),
             candidates=CANDIDATES if _is_ready_world(made) and options.candidates == 1 else options.candidates,
             features={} if roads is None else {ON_ROADS: lambda state: roads.on_road(state.x_m, state.y_m, SLACK_M)},
+            streams=streams,
         ),
     )
 

@@ -7,7 +7,7 @@ shows have one at the sample period. With the last state of an object the field 
 an object from before it was established come when it is, and with the next tick: they are late.
 """
 
-from collections.abc import Iterable, Mapping, Sequence
+from collections.abc import Callable, Iterable, Mapping, Sequence
 from typing import Final, NamedTuple
 
 from anchoring.links.beginnings import ObjectBeginnings
@@ -15,10 +15,11 @@ from anchoring.links.specification import LinkSpecification
 from anchoring.links.structures import AnySpecification, LinkOutcome, ObjectLinkage, StateRecord, record_of
 from anchoring.percepts.leaps import PerceptLeaps
 from anchoring.percepts.records import ObjectRecords, PerceptRecords
-from dyknow import US_PER_S, Sample, Sort, Value
+from dyknow import US_PER_S, Label, Network, Sample, Sort, Value
 from dyknow.network.process import FAR_US, Input
 from dyknow.network.processes import OnDemand
 from kpl.linking.branches import branches
+from kpl.linking.condition_streams import TakenStreams
 from kpl.linking.ticks import PerceptTicks
 from kpl.linking.units import LinkedUnit
 from kpl.linking.wants import Wanted, Wants
@@ -43,6 +44,7 @@ class SharedLinkage:
         declared: the unit and the options of each link, by its name.
         frame: about which positions in degrees are taken.
         wants: objects that are looked for.
+        label: of a stream that conditions speak of, with what is meant by `self` put in.
 
     Attributes:
         streams: those with subscribers, in the order in which they had the first.
@@ -55,6 +57,7 @@ class SharedLinkage:
         frame: LocalFrame | None,
         wants: Wants,
         declared: Mapping[str, str],
+        label: Callable[[Label], Label] = lambda label: label,
     ) -> None:
         self.specifications, self.inputs, self.frame = tuple(specifications), tuple(inputs), frame
         self.units = tuple(
@@ -64,6 +67,7 @@ class SharedLinkage:
         )
         self._readers = [PerceptRecords(str(each.taken.label), each.sort, frame) for each in inputs]
         self.streams: list[LinkStream] = []
+        self.taken = TakenStreams(label, self._fault)
         self._wants, self._declared = wants, declared
         self._types = {each.target for each in self.specifications}
         self._restart()
@@ -71,7 +75,7 @@ class SharedLinkage:
     def _restart(self) -> None:
         for _, unit in self.units:
             unit.restart()
-        self._linkage = ObjectLinkage(self.specifications)
+        self._linkage = ObjectLinkage(self.specifications, streams=self.taken)
         ready = [each for each in self.specifications if isinstance(each, LinkSpecification) and each.is_adaptive]
         self._beginnings = ObjectBeginnings(self._linkage, ready) if ready else None
         self._leaps = PerceptLeaps()
@@ -97,12 +101,15 @@ class SharedLinkage:
         """A stream has a subscriber; the first one starts with no objects."""
         if not self.streams:
             self._restart()
+            self.taken.begin(stream.network)
         self.streams.append(stream)
 
     def end(self, stream: "LinkStream") -> None:
         """It has none left."""
         if stream in self.streams:
             self.streams.remove(stream)
+            if not self.streams:
+                self.taken.end()
 
     def take(self, i: int, sample: Sample) -> str:
         """A sample of one of the inputs, of a tick that is not complete; what is wrong with it, or an empty text."""
@@ -167,6 +174,10 @@ class SharedLinkage:
             for said in unit.take_faults():
                 next((each for each in self.streams if each.type == type_), self.streams[0]).fault(said)
 
+    def _fault(self, said: str) -> None:
+        for stream in self.streams[:1]:
+            stream.fault(said)
+
 
 class LinkStream(OnDemand):
     """Makes the stream of one type.
@@ -184,6 +195,11 @@ class LinkStream(OnDemand):
         self.type, self._shared, self._most = type_, shared, most
         self._records = ObjectRecords(sort, shared.frame)
         self._held: list[StateRecord] = []
+
+    @property
+    def network(self) -> Network | None:
+        """Where it is, while it is attached."""
+        return self._network if isinstance(self._network, Network) else None
 
     @property
     def linkage(self) -> ObjectLinkage:

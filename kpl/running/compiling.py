@@ -17,6 +17,7 @@ from dyknow.model.errors import (
     file_of,
 )
 from dyknow.model.instants import US_PER_MS, print_duration
+from dyknow.model.values import is_kind_of
 from dyknow.network.factory import Prototypes, process_of
 from dyknow.network.mediation import Failover, Mediation
 from dyknow.network.process import Input, Process
@@ -163,7 +164,8 @@ class Compiler:
                 try:
                     synchronised, when = state_policy(policy, [each.policy for each in inputs])
                     return CompiledGenerator(
-                        Sort("state", is_open=True), StateStreamProcess(exactly(policy, inputs), synchronised, when)
+                        Sort("state", is_open=True),
+                        StateStreamProcess(exactly(policy, inputs), synchronised, when, policy.max_age_us),
                     )
                 except PolicyError as wrong:
                     raise located(made, str(wrong), wrong.repair) from None
@@ -200,7 +202,7 @@ class Compiler:
             specifications = link_specifications(key, partial(self._linked_unit, frame))
             if key.roads is None:
                 check_on_road(links, [each.sort for each in inputs])
-            shared = SharedLinkage(specifications, inputs, frame, self.wants, declared_links(key.links))
+            shared = SharedLinkage(specifications, inputs, frame, self.wants, declared_links(key.links), self.label)
             self._linkages[key, inputs] = shared
         made_sort = Streams(self.symbols).objects(label)
         if made_sort is None:
@@ -307,7 +309,7 @@ class Compiler:
         prototype = self._prototypes.find(name)
         for shape in () if prototype is None else prototype.checked_sorts:
             known = self.symbols.shape(shape.name)
-            if known is not None and known != shape:
+            if known is not None and not is_kind_of(known, shape):
                 raise located(
                     declaration,
                     f"the sort {shape.name} is {known} here; {name} is implemented with {shape}",
@@ -317,8 +319,11 @@ class Compiler:
     def _check_policy(self, node: Node, policy: Policy, *, of_states: bool = False) -> None:
         """Periods that are kept, and constraints that mean something here (Def. 7.8.4: of states)."""
         if policy.is_of_states and not of_states:
-            asked = replace(policy, delay_before_us=None, change="sample" if policy.sample_us else "any update")
-            wrong = policy.change if policy.delay_before_us is None else "delay before approximation"
+            asked = replace(
+                policy, delay_before_us=None, max_age_us=None, change="sample" if policy.sample_us else "any update"
+            )
+            timed = "max age" if policy.delay_before_us is None else "delay before approximation"
+            wrong = policy.change if policy.delay_before_us is None and policy.max_age_us is None else timed
             raise located(
                 node,
                 f"`{wrong}` is a constraint of states, and means nothing for another stream",

@@ -18,8 +18,8 @@ from dyknow.model.sample import oldest
 from dyknow.network.process import FAR_US, Input
 from dyknow.network.stream_proxy import StreamProxy
 from dyknow.policies.policy import Approximation
-from dyknow.states.synchronization import State, StateInput, StatePolicy, Synchronizer
-from kpl.checking.symbols import domains_of
+from dyknow.states.synchronization import State, StateInput, StatePolicy, Synchronizer, recent
+from kpl.checking.needs import domains_of
 from kpl.syntax.specification import GeneratorDeclaration, Specification, StateStream, StreamDeclaration, StreamTerm
 from reasoning.features.derivation import FeatureInput
 from reasoning.features.derived_streams import DerivedStream, stream_of
@@ -354,7 +354,7 @@ class FormulaStates:
             ready, era.ready = era.ready, []
             for state in ready:
                 if max(era.begins_us, self._last_us + 1) <= state.valid_us < era.ends_us:
-                    self._take(era, state, now_us)
+                    self._take(era, recent(state, self._policy.max_age_us), now_us)
             if era.states is None and era.events:
                 self._tick(era, now_us)
             if len(self._eras) < 2 or not (self._is_over(era) or len(self._eras) > MOST_ERAS):

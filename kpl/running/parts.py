@@ -98,11 +98,17 @@ class Parts:
 
     @property
     def lacking(self) -> dict[str, tuple[Label, ...]]:
-        """Prototypes without an offer, and the generators that wait for them."""
-        waiting: dict[str, list[Label]] = {}
+        """Prototypes without an offer, and the generators that wait for them; those of members as they are declared."""
+        waiting: dict[str, dict[Label, None]] = {}
         for label, held in self.held.items():
             if held.unit and self._prototypes.find(held.unit) is None and not self.fed.get(held.unit):
-                waiting.setdefault(held.unit, []).append(label)
+                declared = held.declaration
+                if held.members is not None and isinstance(declared, spec.GeneratorDeclaration):
+                    label = declared.label  # noqa: PLW2901  (as it is written)
+                waiting.setdefault(held.unit, {})[label] = None
+        for each in self._compiler.symbols.symbols():  # a family may have no members yet
+            if each.variables and isinstance(each.made, spec.Refinement) and self._prototypes.find(each.uses) is None:
+                waiting.setdefault(each.uses, {})[each.label] = None
         return {name: tuple(labels) for name, labels in waiting.items()}
 
     @property

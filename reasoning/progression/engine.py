@@ -58,6 +58,10 @@ class Progressing(Protocol):
         """Whether it is undecided for ever, by an atom without a value."""
 
     @property
+    def valid_us(self) -> int | None:
+        """The time of its newest state; None before the first."""
+
+    @property
     def way(self) -> Way:
         """The way it goes now."""
 
@@ -146,6 +150,10 @@ class FastProgression:
     def is_doubtful(self) -> bool:
         """Whether it is undecided for ever, by an atom without a value."""
         return self._state.left is None
+
+    @property
+    def valid_us(self) -> int | None:
+        return self._valid_us if self._started else None
 
     @property
     def way(self) -> Way:

@@ -8,7 +8,7 @@ from hypothesis import example, given
 from hypothesis import strategies as st
 
 from compunits import MovingAverage, StabilityFilter
-from dyknow import NO_VALUE, Quality, Sample, variant
+from dyknow import NO_VALUE, Predicted, Quality, Sample, variant
 from tests.compunits.units import outputs, process, stream, values
 
 NUMBERS = st.floats(-1e6, 1e6)
@@ -154,3 +154,23 @@ def test_a_user_names_a_variant_of_a_filter() -> None:
     assert values(outputs(slower, samples)) == [None, None, None, "l1"]
     assert (slower.sort, slower.history_us) == ("link", 200_000)
     assert variant(MovingAverage, "Smooth5", samples=5).sort == "?sort"
+
+
+def test_what_is_predicted_or_uncertain_is_not_observed() -> None:
+    unit = process("Observed")
+    seen = Sample(0, 5, (1.0, 2.0))
+    assert unit.on_sample(0, seen, 7) == Sample(7, 5, (1.0, 2.0))
+    assert unit.on_sample(0, seen._replace(quality=Quality(0.5)), 7) is None
+    assert unit.on_sample(0, seen._replace(quality=Quality(prediction=Predicted(4))), 7) is None
+
+
+def test_a_record_that_is_not_known_for_half_a_second_is_no_value_and_begins_again() -> None:
+    unit = process("StableFields")
+    made = []
+    for at in range(40):
+        value = (True,) if at < 10 or at >= 25 else NO_VALUE
+        out = unit.on_sample(0, Sample(at * 100_000, at * 100_000, value), at * 100_000)
+        if out is not None:
+            made.append((at, out.value))
+    assert [each for each in made if each[1] is NO_VALUE] == [(15, NO_VALUE)]
+    assert [at for at, value in made if value == (True,)] == [*range(5, 10), *range(30, 40)]

@@ -124,9 +124,9 @@ def _check_presence(attribute: GaussianAttribute, table: TomlTable) -> None:
     prior_sd = float(np.sqrt(np.diag(attribute.prior_covariance)[: attribute.axes].max()))
     if attribute.create_sd >= attribute.drop_sd:
         message = (
-            f"create_sd is below drop_sd, got {attribute.create_sd:g} and {attribute.drop_sd:g}: without a gap between "
+            f"create_sd is {attribute.create_sd:g}, and has to be below drop_sd, {attribute.drop_sd:g}: without a gap "
         )
-        table.wrong("create_sd", message + "them it would come and go", "create_sd = 1.0 and drop_sd = 3.0")
+        table.wrong("create_sd", message + "between them it would come and go", "create_sd = 1.0 and drop_sd = 3.0")
     elif prior_sd < attribute.create_sd:
         message = f"the prior deviates by {prior_sd:g} only: it would be created before anything is observed"
         table.wrong("create_sd", message, f"create_sd = {prior_sd / 2.0:g}")
@@ -157,13 +157,15 @@ def _check_thresholds(
 ) -> None:
     """What is created must neither be dropped at once, nor be there from the beginning, nor stay for ever."""
     if drop >= create:
-        message = f"drop is below create, got {drop:g} and {create:g}: without a gap between them it would come and go"
+        message = (
+            f"drop is {drop:g}, and has to be below create, {create:g}: without a gap between them it would come and go"
+        )
         table.wrong("drop", message, "create = 0.8 and drop = 0.6")
     elif create <= prior:
         message = f"the prior is {prior:g} already: it would be created before anything is observed"
         table.wrong("create", message, f"create = {(1.0 + prior) / 2.0:g}")
     elif ageing_s < inf and drop <= oldest:
-        message = f"age alone leads to {oldest:g}, which is not below: it would never be dropped"
+        message = f"age alone leads to {oldest:g}, and drop, {drop:g}, has to be above that: it would never be dropped"
         table.wrong("drop", message, f"drop = {(create + oldest) / 2.0:g}, or no ageing_s")
 
 

@@ -3,10 +3,11 @@
     {"t_ms": 100, "sensor": "camera", "position_m": [1.0, 2.0], "covariance_m2": [[0.2, 0.0], [0.0, 0.2]], "colour": "red"}
     {"t_ms": 200, "sensor": "camera", "type": "cup", "relations": {"on": {"i2": true}}}
     {"t_ms": 300, "sensor": "camera", "nothing": true}
+    {"t_ms": 9000}
 
 What is observed of one thing is one line; `sensor` is optional where there is but one; `nothing` is a look in which nothing
-was seen. Lines are in the order of time. A line that cannot be used is left out, and reported with its number; so is a time
-that is far ahead of the lines before and after it.
+was seen; a time alone is no look: time passes until then. Lines are in the order of time. A line that cannot be used is left
+out, and reported with its number; so is a time that is far ahead of the lines before and after it.
 """
 
 from collections.abc import Callable, Iterable, Iterator, Mapping
@@ -32,7 +33,7 @@ _EXAMPLE: Final = '{"t_ms": 100, "sensor": "camera", "position_m": [1.0, 2.0]}'
 
 
 class SensorLook(NamedTuple):
-    """All observations of one sensor at one time; there may be none."""
+    """All observations of one sensor at one time; there may be none. Without a sensor: time passes until then."""
 
     valid_us: int
     sensor: str
@@ -113,6 +114,9 @@ class _ObservationLine(JsonLine):
         return round(self.time_ms() * US_PER_MS)
 
     def sensor(self) -> str:
+        """The sensor that looked; empty: the line is a time alone."""
+        if self.record.keys() == {"t_ms"}:
+            return ""
         sensors = self._model.sensors
         if "sensor" not in self.record and len(sensors) == 1:
             return next(iter(sensors))
@@ -123,7 +127,9 @@ class _ObservationLine(JsonLine):
         return name
 
     def observation(self, valid_us: int, sensor: str) -> WorldObservation | None:
-        """What the line says; None: that nothing was seen."""
+        """What the line says; None: that nothing was seen, or that time passes."""
+        if not sensor:
+            return None
         attributes, values = self._model.attributes, dict[str, Any]()
         for key, value in self.record.items():
             if key in {"t_ms", "sensor", _COVARIANCE, "relations", "nothing"}:

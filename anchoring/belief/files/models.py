@@ -81,12 +81,12 @@ def _thresholds(root: TomlTable) -> LifeThresholds:
     )
     table.end()
     if found.delete >= found.confirm:
-        message = (
-            f"delete is below confirm, got {found.delete:g} and {found.confirm:g}: what is confirmed would be deleted"
-        )
+        message = f"delete is {found.delete:g}, and has to be below confirm, {found.confirm:g}: what is confirmed would be deleted"
         table.wrong("delete" if "delete" in table else "confirm", message, "confirm = 0.9 and delete = 0.05")
     if found.delete > found.create:
-        message = f"create is not below delete, got {found.create:g} and {found.delete:g}: instances would be born dead"
+        message = (
+            f"create is {found.create:g}, and has to be at least delete, {found.delete:g}: instances would be born dead"
+        )
         table.wrong("create" if "create" in table else "delete", message, "create = 0.1 and delete = 0.05")
     if found.confirm >= 1.0:
         table.wrong(

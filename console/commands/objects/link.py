@@ -18,6 +18,7 @@ if TYPE_CHECKING:
     from anchoring.links.structures import AnySpecification
     from anchoring.roads.network import RoadNetwork
     from dyknow import UnitPrototype
+    from kpl.linking.offline import OfflineConditions
     from kpl.linking.wants import Wanted
     from navigation import LocalFrame
 
@@ -56,7 +57,7 @@ def link(
     if percepts is None:
         raise WrongCall("give the recorded percepts: --percepts FILE.jsonl.")
     network = None if roads is None else _network(call, roads)
-    specifications, network, frame, wanted = _specifications(call, file, network, modules or ())
+    specifications, network, frame, wanted, conditions = _specifications(call, file, network, modules or ())
     linkage = ObjectLinkage(specifications)
     for each in wanted:
         linkage.want(each.symbol, each.type, each.description)
@@ -71,26 +72,35 @@ def link(
         )
         for tick in reader.ticks(lines):
             output.on_frame(reader.frame)
+            if conditions is not None:
+                for one in tick.percepts:
+                    conditions.on_attributes(() if one.state is None else one.state.attributes)
             outcome = linkage.on_percepts(*tick)
             output.on_outcome(beginnings.completed(tick.percepts, outcome) if since_seen else outcome)
     output.end(linkage)
     for symbol in linkage.wanted:
         call.out.note(f"{symbol} was not found: nothing was as it is described, to the end.", style="yellow")
     has_failed = _tell_failures(call, specifications)
-    return problems.end(name) or (WRONG if has_failed else DONE)
+    mistyped = conditions.errors() if conditions is not None else []
+    for error in mistyped:
+        call.out.note(error.drawn(), style="yellow")
+    return problems.end(name) or (WRONG if has_failed or mistyped else DONE)
 
 
 def _specifications(
     call: Call, file: Path | None, network: "RoadNetwork | None", modules: Sequence[str]
-) -> "tuple[tuple[AnySpecification, ...], RoadNetwork | None, LocalFrame | None, list[Wanted]]":
-    """The link specifications of a file, or those that are ready, their roads and frame, and what is looked for."""
+) -> (
+    "tuple[tuple[AnySpecification, ...], RoadNetwork | None, LocalFrame | None, list[Wanted], OfflineConditions | None]"
+):
+    """The link specifications of a file, or those that are ready, their roads and frame, what is looked for, what is declared."""
     from anchoring.ready import ready_specification
 
     if file is None:
-        return ready_specification(network), network, None if network is None else network.frame, []
+        return ready_specification(network), network, None if network is None else network.frame, [], None
     from kpl import parse_specification
     from kpl.checking.symbols import Known, SymbolTable
     from kpl.linking.declarations import link_specifications, linkage_key, links_in
+    from kpl.linking.offline import OfflineConditions, check_conditions
     from kpl.linking.roads import says_on_road
     from kpl.linking.units import unit_finder
     from kpl.linking.wants import wants_in
@@ -113,6 +123,7 @@ def _specifications(
         units={each.name: (each.sort, each.inputs) for each in prototypes.values()},
         values={shape.name: shape for each in prototypes.values() for shape in each.checked_sorts},
     )
+    check_conditions(links, symbols, text)
     try:
         key = linkage_key(links, symbols)
         frame = None if key.origin is None else LocalFrame(*key.origin, 0.0)
@@ -120,9 +131,10 @@ def _specifications(
         wanted = wants_in(declarations, symbols, text)
     except TextError as error:
         raise error.but(text=text) from None
+    conditions = OfflineConditions(key.links, symbols, text)
     if key.roads is None and any(isinstance(made, Link) and says_on_road(made) for _, made in key.links):
         call.out.note("on_road: there are no roads (--roads FILE), so that percepts have to say it", style="yellow")
-    return specifications, key.roads, frame, wanted
+    return specifications, key.roads, frame, wanted, conditions
 
 
 def _prototypes(modules: Sequence[str], names: Iterable[str]) -> "dict[str, UnitPrototype]":

@@ -60,7 +60,7 @@ class LinkOutput:
         if self._out.json_lines:
             return
         if not self._objects:
-            self._out.show("no objects: no percept lasted long enough to be one")
+            self._out.show("no objects: no condition to establish one became true")
             return
         rows: list[tuple[Shown, ...]] = []
         for (type_, symbol), seen in self._objects.items():

@@ -333,11 +333,16 @@ def test_a_relation_is_created_ages_is_dropped_and_ends_with_either_of_its_insta
     ]
     dropped_s = 1.0 + 10.0 * log((probability - 0.5) / 0.1)
     assert events[-1].valid_us == pytest.approx(dropped_s * S, abs=2)
+    in_the_end = environment.query()[0].existence
+    assert events[-1].existence == pytest.approx(in_the_end * 0.999 ** (dropped_s - 60.0))
+    assert [each.existence > 0.9 for each in events if "relation" in each.kind] == [True, True]
 
     for t_s in (61, 62):
         environment.observe(seen(t_s, 0.0, relations=on))
     assert ("on", "table") in environment.instance(0).relations
-    assert ("relation-dropped", "cup") in kinds(environment.predict_to(100_000 * S))
+    ended = environment.predict_to(100_000 * S)
+    assert ("relation-dropped", "cup") in kinds(ended)
+    assert all(each.existence > 0.0 for each in ended.events), "also of instances that were deleted later"
 
 
 def test_reports_that_it_does_not_hold_drop_a_relation_and_tell_alike_things_apart() -> None:

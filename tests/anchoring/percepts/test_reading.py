@@ -211,3 +211,24 @@ def test_ten_thousand_percepts_of_clutter_in_a_frame_leave_the_known_identity_as
     assert [(event.kind, event.source) for event in events] == [("established", "vp1")]
     assert linkage.anchored("wo1")
     assert set(linkage.objects(WORLD)) == {"wo1"}
+
+
+def test_a_time_alone_is_a_tick_without_percepts() -> None:
+    ticks, errors = read({"t_ms": 0}, PERCEPT, {"t_ms": 100}, {"t_ms": 30_000})
+    assert not errors
+    assert [(each.valid_us, len(each.percepts)) for each in ticks] == [(0, 0), (100_000, 1), (30_000_000, 0)]
+
+
+def test_a_time_alone_that_goes_backwards_or_is_none_is_left_out() -> None:
+    ticks, errors = read(PERCEPT, {"t_ms": 50}, {"t_ms": "later"}, {"t_ms": 200})
+    assert [each.valid_us for each in ticks] == [100_000, 200_000]
+    assert [each.line for each in errors] == [2, 3]
+
+
+def test_an_object_is_forgotten_while_only_time_passes() -> None:
+    linkage = ObjectLinkage(ready_specification(None))
+    seen = [{**PERCEPT, "t_ms": t_ms, "x_m": t_ms / 100} for t_ms in range(0, 3_000, 100)]
+    ticks, errors = read(*seen, {"t_ms": 10_000}, {"t_ms": 100_000})
+    assert not errors
+    alive = [(linkage.on_percepts(*tick), [*linkage.objects(WORLD)])[1] for tick in ticks]
+    assert [len(each) for each in alive[-3:]] == [1, 1, 0]

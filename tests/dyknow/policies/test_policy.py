@@ -25,6 +25,7 @@ READ = {
     ),
     "sample every 5, use linear": Policy(change="sample", sample_us=5_000, approximation="linear"),
     "delay before approximation 70": Policy(delay_before_us=70_000),
+    "max age 500, max age of prediction 1s": Policy(max_age_us=500_000, prediction_age_us=1_000_000),
     "min certainty 0.95, max deviation 2.5, importance 3": Policy(
         min_certainty=0.95, max_deviation=2.5, importance=3.0
     ),

@@ -13,6 +13,7 @@ from tests.kpl.syntax.test_statements import CARS
 
 KNOWN = Known(
     sorts={"pos", "speed", "object"},
+    units={"Est": ("speed", ("pos",)), "Fuse": ("pos", ("pos", "pos")), "SpeedEst": ("speed", ("pos",))},
     labels={Label("car_ids"): "object", Label("battery", ("uav1",)): "fraction"},
     semantic={"heli-position": SemanticLabel("heli-position", Sort("pos", unit="m"), "where it is")},
 )
@@ -94,6 +95,14 @@ def test_an_error_names_its_place_and_the_repair(more: str, message: str, repair
         ("source pos unused", "nothing is made from unused"),
         ("compunit pos Unused(pos)", "nothing is made from Unused"),
         ("strmgen x = Est(pos[uav1])", "x has no subscriber here"),
+        (
+            "compunit pos Late(pos)\nstrmgen x = Late(pos[uav1])\nstream late = x",
+            "no module offers Late: x and what is made of it wait",
+        ),
+        (
+            "compunit pos Late(pos)\nfor c in car_ids strmgen x[c] = Late(pos[c])\nstream late = x[car1]",
+            "no module offers Late: x[c] and what is made of it wait",
+        ),
     ],
 )
 def test_what_nobody_reaches_is_a_warning(more: str, message: str) -> None:

@@ -6,7 +6,7 @@ import pytest
 from hypothesis import given, settings
 from hypothesis import strategies as st
 
-from dyknow import NO_VALUE, UnitPrototype, of_values
+from dyknow import NO_VALUE, Label, UnitPrototype, of_values
 from dyknow.model.errors import PrototypeExists, Refused, SortError, TextErrors, UnknownPrototype
 from kpl import parse_specification, print_specification
 from tests.kpl.instances import Running, label, source
@@ -303,6 +303,19 @@ def test_a_sample_of_the_wrong_sort_is_told_and_goes_nowhere() -> None:
 
 
 # Prototypes that come and go
+
+
+def test_what_members_are_to_have_and_no_module_offers_is_known_before_there_are_members() -> None:
+    running = Running(
+        "source number raw\nstrmgen a = raw\ncompunit object Ids(number)\nstrmgen ids = Ids(a)\n"
+        "compunit number Late(number)\nfor i in ids strmgen x[i] = Late(a)\n"
+    )
+    family = Label("x", ("i",))
+    assert running.instance.lacking == {"Late": (family,)}
+    running.push("raw", 2)
+    assert running.instance.lacking == {"Late": (family,)}
+    running.instance.offer([UnitPrototype("Late", "number", ("number",), lambda: of_values(lambda v: v))], 0)
+    assert not running.instance.lacking
 
 
 def test_what_nobody_can_make_yet_waits_and_begins_when_it_is_offered() -> None:

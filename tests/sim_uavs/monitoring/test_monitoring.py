@@ -6,13 +6,11 @@ import pytest
 
 from agents.effects import Specify, Tell
 from compunits import catalogue
-from dyknow import Quality, Sample
 from kpl import parse_specification
 from kpl.linking.declarations import links_in
 from proxies.files.named_files import beside
 from sim_uavs.dynamics.scenarios import scenario
 from sim_uavs.monitoring.specifications import READY
-from sim_uavs.monitoring.units import SURE, Observed
 from sim_uavs.roads.layouts import network_of
 from sim_uavs.streets import roads_of, traffic_of
 from tests.agents.cameras.watching import START_US, Watching
@@ -80,14 +78,6 @@ def test_turns_under_trees_are_predicted_and_no_others(seed: int) -> None:
     assert {each[3] for each in predicted} == {"x21"}
     assert len(predicted) >= len(below) / 3
     assert sum(any(is_of(other, each) for other in recognised) for each in below) >= 0.7 * len(below)
-
-
-def test_a_car_that_may_as_well_be_another_is_not_told_to_have_gone_anywhere() -> None:
-    value = ("co1", 0.0, 0.0, True, False)
-    state = Sample(0, 0, value)
-    assert Observed()(0, state) == value
-    assert Observed()(0, state._replace(quality=Quality(SURE / 2))) is None
-    assert Observed()(0, state._replace(value=("co1", 0.0, 0.0, False, False))) is None
 
 
 def test_the_ready_files_are_installed_with_the_package_and_their_chronicles_are_read() -> None:

@@ -136,3 +136,23 @@ def test_the_figures_are_drawn_as_chains_from_what_is_seen_to_events(name, folde
 def test_the_pictures_in_the_documentation_are_those_of_the_specifications(name, figure, folder):
     done = run(["kpl", "graph", str(EXAMPLES / name), *MORE[name], "--form", "svg"], environment(folder), ROOT)
     assert done.stdout == (ROOT / "docs" / "figures" / figure).read_text(encoding="utf-8")
+
+
+def test_a_car_that_left_the_view_is_not_overtaken_and_one_that_is_seen_again_in_time_is(folder, tmp_path):
+    """Two cars at one speed, of which the one in front leaves; then one that is passed while it is hidden for two seconds."""
+    rows = []
+    for at_ms in range(0, 30_000, 100):
+        rows.append((at_ms, "a", 0.012 * at_ms))
+        if at_ms <= 5_000:
+            rows.append((at_ms, "b", 30.0 + 0.012 * at_ms))
+        if not 14_000 <= at_ms < 16_000:
+            rows.append((at_ms, "c", 80.0 + 0.007 * at_ms))
+    feed = tmp_path / "seen.jsonl"
+    lines_of = ({"t_ms": at, "seen": [car, x_m, 0.0, 90.0, "l1", "no_crossing"]} for at, car, x_m in rows)
+    feed.write_text("".join(f"{json.dumps(line)}\n" for line in lines_of), "utf-8")
+    done = run(
+        ["kpl", "run", str(EXAMPLES / "overtakes.kpl"), "--feed", str(feed), "--json"], environment(folder), ROOT
+    )
+    assert done.returncode == 0, done.stderr
+    passed = [each for each in map(json.loads, done.stdout.splitlines()) if each.get("stream") == "passed"]
+    assert [each["value"][0] for each in passed] == [["a", "c"]]

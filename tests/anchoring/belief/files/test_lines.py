@@ -134,3 +134,11 @@ def test_whatever_the_lines_are_beliefs_stay_beliefs_and_each_line_counts_or_is_
     assert np.isfinite(table.gaussian["position_m"].mean).all()
     assert [each.valid_us for each in looks] == sorted(each.valid_us for each in looks)
     assert len(errors) <= len([each for each in lines if each.strip()]) + len(lines)
+
+
+def test_a_time_alone_lets_time_pass_without_a_look() -> None:
+    looks, errors = read({"t_ms": 0}, at(100), {"t_ms": 10_000})
+    assert not errors
+    assert looks == [(0, "", []), looks[1], (10_000_000, "", [])]
+    wrong = read(at(100), {"t_ms": 50}, {"t_ms": 200, "sensor": "camera"})[1]
+    assert [each.line for each in wrong] == [2, 3]

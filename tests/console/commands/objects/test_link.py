@@ -196,3 +196,44 @@ def test_links_take_units_of_modules_and_tell_what_they_raise(
         assert done.returncode == 2
         assert "Ahead has failed" in done.stderr
         assert "ahead.py:9" in done.stderr
+
+
+@pytest.mark.parametrize(
+    ("establish", "column", "said", "repair"),
+    [
+        ('eventually[1s, oo] colr[from] = "red"', 70, "no percept has colr; their attributes: colour", "colour[from]"),
+        ("eventually[1s, oo] colour = 3", 70, "colour is no variable, constant, object or stream", ""),
+        (
+            "eventually[1s, oo] level > 5",
+            70,
+            "level is a stream, and there are recorded percepts only",
+            "dyknow kpl run",
+        ),
+        ("eventually xy_dist[self, from] < 9", 62, "xy_dist[self, from] is a stream", "dyknow kpl run"),
+        ("speed[to] > 5", 51, "a condition to establish is of `from` alone", "speed[from]"),
+        ("forall o in nobody: speed[o] > 5", 63, "there is no domain nobody", ""),
+    ],
+)
+def test_a_condition_that_can_have_no_value_is_told_with_its_place_and_the_reason(
+    dyknow: Run, tmp_path: Path, establish: str, column: int, said: str, repair: str
+) -> None:
+    file, percepts = tmp_path / "cars.kpl", tmp_path / "percepts.jsonl"
+    reestablish = "eventually[0, 1s] xy_dist[from, to] < 4"
+    links = f"strmgen world = link(vision_percept, WorldObject, {establish}, {reestablish}, true)\n"
+    file.write_text(f"source number levels\nstrmgen level = levels\n{links}", encoding="utf-8")
+    percepts.write_text("\n".join(json.dumps(percept(t, "a", t / 100, colour="red")) for t in range(0, 3000, 100)))
+    done = dyknow("link", str(file), "--percepts", str(percepts))
+    assert done.returncode != 0
+    assert f"{file}:3:{column}: {said}" in done.stderr.replace("\n", " ").replace("  ", " ")
+    assert repair in done.stderr
+
+
+def test_a_condition_over_the_other_objects_is_evaluated(dyknow: Run, tmp_path: Path) -> None:
+    file, percepts = tmp_path / "lonely.kpl", tmp_path / "percepts.jsonl"
+    alone = "eventually[1s, oo] forall o in vision_percept - {from}: xy_dist[o, from] > 5"
+    file.write_text(f"strmgen world = link(vision_percept, WorldObject, {alone}, false, true)\n", encoding="utf-8")
+    places = {"a": 0.0, "b": 3.0, "c": 40.0}
+    seen = [percept(t, name, t / 100 + x_m) for t in range(0, 3000, 100) for name, x_m in places.items()]
+    percepts.write_text("\n".join(map(json.dumps, seen)))
+    done = dyknow("link", str(file), "--percepts", str(percepts), "--json")
+    assert {each["from"] for each in map(json.loads, done.stdout.splitlines()) if "event" in each} == {"c"}

@@ -164,6 +164,17 @@ def test_nothing_to_come_is_told(place: Place, capsys: pytest.CaptureFixture[str
     assert "has samples of gsp, which is no source here" in said
 
 
+def test_a_unit_that_no_module_offers_is_noted_below_for_as_without(
+    place: Place, capsys: pytest.CaptureFixture[str]
+) -> None:
+    place.write(
+        "car.kpl",
+        "source object gps\nstrmgen cars = gps\ncompunit number Foo(object)\nfor c in cars strmgen x[c] = Foo(cars)\n",
+    )
+    assert place.run() == 0
+    assert "note: no module offers Foo: x[c] and what is made of it wait (--units MODULE)." in capsys.readouterr().err
+
+
 def test_exports_and_imports_are_said_to_need_a_federation(place: Place, capsys: pytest.CaptureFixture[str]) -> None:
     place.write("car.kpl", "source position gps\nstrmgen pos[self] = gps\nexport heli-position = pos[self]\n")
     assert place.run(unit="3") == 0
