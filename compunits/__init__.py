@@ -38,6 +38,7 @@ from compunits.motion import (
     speed_3d,
     track,
 )
+from compunits.near_pairs import NearPairs
 from compunits.numeric import numbers_of, numeric
 from compunits.registry import Catalogue, catalogue, library, load_module, prototypes_of
 from compunits.relations import (
@@ -92,6 +93,7 @@ __all__ = [
     "KalmanVelocity",
     "MovingAverage",
     "MovingMedian",
+    "NearPairs",
     "Observed",
     "RoadRelations",
     "SameHeight",
