@@ -57,6 +57,7 @@ STRANGERS: Final = 0.35
 _OFF: Final = 1.0 / 16.0
 """Of the variance of a position in all directions what it has in each: what is expected on the centre of a lane drives off it."""
 _SMOOTHED_S: Final = 1.0
+_LOOKED_US: Final = 200_000
 _MOST_COMPARED: Final = 64
 
 
@@ -112,7 +113,7 @@ class Spacing:
 
     def on_states(self, valid_us: int, states: Sequence[ObjectState]) -> None:
         """Take what is seen at one time; fewer than two do not count."""
-        if len(states) < 2:
+        if len(states) < 2 or (self._log_m is not None and valid_us - self._latest_us < _LOOKED_US):
             return
         seen_log_m = log(max(_ANYTHING.size_m / 4.0, _median_apart_m(np.array([each[1:3] for each in states]))))
         share = 1.0 if self._log_m is None else 1.0 - exp((self._latest_us - valid_us) / US_PER_S / _SMOOTHED_S)
@@ -164,4 +165,4 @@ def _median_apart_m(places: np.ndarray[tuple[int, int], np.dtype[np.float64]]) -
     apart = places[:, None, :] - places[None, :, :]
     squares = np.einsum("ijk,ijk->ij", apart, apart)
     np.fill_diagonal(squares, np.inf)
-    return float(np.sqrt(np.median(squares.min(axis=1))))
+    return float(np.sqrt(sorted(squares.min(axis=1).tolist())[len(places) // 2]))

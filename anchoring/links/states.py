@@ -11,7 +11,6 @@ P = A - K A. Where it is not known how their errors are correlated, covariance i
 """
 
 from collections.abc import Mapping
-from functools import lru_cache
 from math import hypot, sqrt
 from types import MappingProxyType
 from typing import Final, NamedTuple, TypeAlias
@@ -73,30 +72,47 @@ def moved(state: ObjectState, to_us: int, noise: float) -> ObjectState:
     if to_us == state.valid_us:
         return state
     seconds = (to_us - state.valid_us) / US_PER_S
-    transition, unit_noise = _constant_velocity(seconds)
     _, x_m, y_m, vx_m_s, vy_m_s, covariance, attributes = state
-    grown = transition @ covariance @ transition.T + noise * unit_noise
+    grown = _grown(covariance, seconds, noise)
     return ObjectState(to_us, x_m + seconds * vx_m_s, y_m + seconds * vy_m_s, vx_m_s, vy_m_s, grown, attributes)
 
 
-@lru_cache(maxsize=4096)
-def _constant_velocity(seconds: float) -> tuple[Matrix, Matrix]:
-    """F and Q / q."""
-    transition, noise = np.eye(4), np.zeros((4, 4))
-    for axis in (0, 1):
-        transition[axis, axis + 2] = seconds
-        noise[axis, axis] = seconds**3 / 3
-        noise[axis, axis + 2] = noise[axis + 2, axis] = seconds**2 / 2
-        noise[axis + 2, axis + 2] = seconds
-    return transition, noise
+def _grown(covariance: Matrix, t: float, noise: float) -> Matrix:
+    """F P F^T + Q, element by element: numpy takes longer to begin with matrices this small than that does."""
+    (xx, xy, xu, xv), (_, yy, yu, yv), (_, _, uu, uv), (_, _, _, vv) = covariance.tolist()
+    of_velocity, of_both, of_place = noise * t, noise * t * t / 2.0, noise * t * t * t / 3.0
+    place_xy = xy + t * (xv + yu) + t * t * uv
+    both_xu, both_xv, both_yu, both_yv = xu + t * uu + of_both, xv + t * uv, yu + t * uv, yv + t * vv + of_both
+    return np.array(
+        (
+            (xx + 2.0 * t * xu + t * t * uu + of_place, place_xy, both_xu, both_xv),
+            (place_xy, yy + 2.0 * t * yv + t * t * vv + of_place, both_yu, both_yv),
+            (both_xu, both_yu, uu + of_velocity, uv),
+            (both_xv, both_yv, uv, vv + of_velocity),
+        )
+    )
 
 
 def weighed(prior: ObjectState, measured: ObjectState) -> ObjectState:
     """Both estimates weighed by their covariances; valid when the second is, with its attributes over the first's."""
+    if measured.covariance[2, 2] >= UNMEASURED and measured.covariance[3, 3] >= UNMEASURED:
+        return _placed(prior, measured)
     gain = np.linalg.solve(prior.covariance + measured.covariance, prior.covariance).T
     mean = np.array(prior[1:5])
     mean += gain @ (np.array(measured[1:5]) - mean)
     covariance = prior.covariance - gain @ prior.covariance
+    return _estimate(measured.valid_us, mean, covariance, {**prior.attributes, **measured.attributes})
+
+
+def _placed(prior: ObjectState, measured: ObjectState) -> ObjectState:
+    """The same where the velocity is not measured: K = P H^T (H P H^T + R)^-1 with H = [I 0]."""
+    before = prior.covariance
+    (a, b), (_, c) = (before[:2, :2] + measured.covariance[:2, :2]).tolist()
+    determinant = a * c - b * b
+    gain = before[:, :2] @ np.array(((c, -b), (-b, a))) / determinant
+    dx, dy = measured.x_m - prior.x_m, measured.y_m - prior.y_m
+    mean = np.array(prior[1:5]) + gain @ (dx, dy)
+    covariance = before - gain @ before[:2]
     return _estimate(measured.valid_us, mean, covariance, {**prior.attributes, **measured.attributes})
 
 
