@@ -340,6 +340,14 @@ def _is_of(symbol: Symbol, sort: str) -> bool:
     return isinstance(symbol.declaration, spec.LabelDeclaration) and symbol.declaration.sort.name == sort
 
 
+def recognises(symbols: SymbolTable, label: Label) -> bool:
+    """Whether `chronicle[NAME, ARGUMENT, ...]` names a chronicle that is declared, without arguments or with all."""
+    declared = symbols.named(CHRONICLE, label.objects[0])
+    if not isinstance(declared, spec.ChronicleDeclaration) or declared.content is None:
+        return False
+    return len(label.objects) in {1, 1 + len(declared.content.chronicles[label.objects[0]].parameters)}
+
+
 def constant_of(definition: spec.Define) -> Constant | None:
     """The value, if the definition is a number, a time, a text or a truth value without objects."""
     formula = definition.formula
