@@ -16,7 +16,7 @@ from kpl.syntax import specification as spec
 from reasoning.chronicles import ChronicleFile as Chronicles
 from reasoning.chronicles import Recogniser
 from reasoning.features.derivation import FEATURES, needed_labels
-from reasoning.formulas.tree import Feature, Formula, Variable, walk
+from reasoning.formulas.tree import Feature, Formula, Variable, label_text, walk
 
 
 def warnings_of(every: Sequence[spec.Declaration], symbols: SymbolTable, errors: DeclarationErrors) -> list[TextError]:
@@ -48,8 +48,8 @@ def warnings_of(every: Sequence[spec.Declaration], symbols: SymbolTable, errors:
         if made.label.feature and id(made) not in wanted and stem(made.label) not in features:
             found.append(errors.located(f"{made.label} has no subscriber here", each, ""))
         declared = spec.monitor_of(each) or each
-        for formula in _formulas(each):
-            found += makers.unread(formula, errors)
+        for read in _formulas(each):
+            found += makers.unread(read, errors)
         if isinstance(declared, spec.MonitorDeclaration):
             said_of = remarks(declared.formula, lambda feature: _is_raw(feature, symbols))
             found += [errors.located(one.message, one.node, one.repair) for one in said_of]
@@ -161,8 +161,9 @@ class Makers:
                 continue
             said = f"nothing here makes {name}, so that its value stays unknown"
             repair = errors.closest(name, names)
-            objects = f"[{', '.join(map(str, node.objects))}]" if repair and name == node.name else ""
-            yield errors.located(said, node, f"{repair}{objects}")
+            if repair and name == node.name:
+                repair = label_text(repair, node.objects)
+            yield errors.located(said, node, repair)
 
     def eventless(
         self, declared: spec.ChronicleDeclaration, content: Chronicles, errors: DeclarationErrors
