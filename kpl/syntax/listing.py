@@ -30,8 +30,9 @@ def print_declaration(declaration: spec.Declaration) -> str:
             return f"strmgen {label} = {print_making(made)}"
         case spec.StreamDeclaration(name, term):
             return f"stream {name} = {_term(term)}"
-        case spec.ForEach(variables, domain, body):
-            return f"for {', '.join(variables)} in {_term(domain)} {print_declaration(body)}"
+        case spec.ForEach(variables, domain, body, left_out):
+            but = f" - {{{', '.join(left_out)}}}" if left_out else ""
+            return f"for {', '.join(variables)} in {_term(domain)}{but} {print_declaration(body)}"
         case spec.SortDeclaration(sort):
             return f"sort {_sort(sort)}"
         case spec.LabelDeclaration(name, sort, meaning):

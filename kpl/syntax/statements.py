@@ -205,7 +205,8 @@ class _StatementReader(FormulaReader):
         return spec.StreamDeclaration(_name(name), self._term(label, policy), place=place)
 
     def _for_each(self, node: Any, place: Place) -> spec.Declaration:
-        *variables, domain, body = node.children
+        *variables, domain, body = (each for each in node.children if each.data != "left_out")
+        left_out = next((each.children for each in node.children if each.data == "left_out"), ())
         names, at = tuple(map(_name, variables)), place_of(body, self.text)
         if len(set(names)) < len(names):
             self.error(
@@ -215,7 +216,9 @@ class _StatementReader(FormulaReader):
             inside = self._monitor(body, at, frozenset(names))
         else:
             inside = cast("Any", self.declaration(body))
-        return spec.ForEach(names, self._member(domain), inside, place=place)
+        return spec.ForEach(
+            names, self._member(domain), inside, tuple(str(self.object(each, _FREE)) for each in left_out), place=place
+        )
 
     def _sort_(self, node: Any, place: Place) -> spec.Declaration:
         name, *shape = node.children

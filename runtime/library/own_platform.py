@@ -8,7 +8,7 @@ from typing import Any, NamedTuple, Self
 
 from agents.effects import Fed, Specify
 from agents.specification.specification_part import read
-from dyknow import NO_VALUE, SURE, Quality, Value
+from dyknow import SURE, Quality, Value
 from dyknow.model.errors import FederationFailed, SpecificationFailed
 from dyknow.model.labels import Label
 from federation.keys import unit as unit_name
@@ -16,6 +16,7 @@ from runtime.configuration.config import NodeConfig, NoVehicle
 from runtime.configuration.reach import client_wire, trust_files
 from runtime.library.feed import Feed
 from runtime.library.member_thread import settings_of
+from runtime.library.pushed_samples import pushed
 from runtime.process import PlatformProcess
 from runtime.vehicles import Vehicle
 
@@ -249,17 +250,20 @@ class OwnPlatform:
         """
         self.declare(f"source {sort} {name}\nstrmgen {Label.parse(label or name)} = {name}")
 
-    def push(self, source: str, valid_us: int, value: Any, quality: Quality = SURE) -> None:
+    def push(self, source: str, valid_us: int | str, value: Any, quality: Quality = SURE) -> None:
         """A new sample of a source; where no stream takes the source, it is dropped.
 
         Args:
             source: its name.
-            valid_us: when it holds, federation time: `now_us` for a value of now.
+            valid_us: when it holds, federation time: `now_us`, or "now", for a value of now.
             value: a number, a text, or a tuple in the order of the sort's fields; None: no value.
             quality: its certainty, and the covariance of its fields.
+
+        Raises:
+            WrongCall: an argument is something else.
         """
-        at_us = self._process.clock.now_us()
-        self._process.mailbox.post(Fed(at_us, source, valid_us, NO_VALUE if value is None else value, quality))
+        sample = pushed(source, valid_us, value, quality, self.now_us)
+        self._process.mailbox.post(Fed(self._process.clock.now_us(), *sample))
 
     def export(self, semantic: str, stream: str, *, every: str = "100ms") -> None:
         """Offer a stream to other platforms under a semantic label, a sample each `every`.

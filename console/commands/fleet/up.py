@@ -18,7 +18,7 @@ from console.processes.launch import FleetPlan, clock_of, fleet_of, specified, t
 from console.processes.scheduled import with_faults
 from console.processes.standing import forget, missing, note_state, running_units, started_units
 from console.processes.supervision import GRACE_S, Fleet, end, interruptible, outlasting, uninterrupted
-from dyknow.model.errors import FederationFailed, TextError, WrongCall, did_you_mean
+from dyknow.model.errors import FederationFailed, Refused, TextError, WrongCall, did_you_mean
 from federation.members.clock import FederationClock
 from federation.members.directory import unit_order
 from runtime.configuration import run_directory
@@ -38,6 +38,7 @@ class FleetStart:
 
     Attributes:
         notes: which platforms noted it, by text.
+        rejected: why platforms run nothing of what they were to run, by unit; not of those that wait for a host.
 
     Args:
         units: the platforms that start.
@@ -51,6 +52,7 @@ class FleetStart:
         self.labels: dict[str, list[str]] = {}
         self.complete_us: dict[str, int] = {}
         self.notes: dict[str, list[str]] = {}
+        self.rejected: dict[str, str] = {}
 
     def on_heard(self, unit: str, said: dict[str, Any]) -> None:
         if said.get("event") == "joined":
@@ -60,6 +62,8 @@ class FleetStart:
             found = {str(name) for name in said["units"]} | {unit}
             if found >= self._all:
                 self.complete_us.setdefault(unit, int(said["at_us"]))
+        elif said.get("event") == "not-specified" and not said["runs"] and not said["awaits"]:
+            self.rejected[unit] = str(said["said"])
         elif said.get("event") == "note" and unit not in (noting := self.notes.setdefault(str(said["text"]), [])):
             noting.append(unit)
 
@@ -172,6 +176,9 @@ def _run(call: Call, fleet: Fleet, configs: list[NodeConfig], present: list[str]
     with interruptible():
         try:
             gathering = gathered(call, fleet, configs, started_units(fleet.directory))
+            if gathering.rejected.keys() >= gathering.units:
+                first = min(gathering.rejected, key=unit_order)
+                raise Refused(f"every platform rejects the specification:\n{gathering.rejected[first]}", "text")
             note_state(fleet, configs, stays=not detach)
             if not detach:
                 outlasting(call.out)
