@@ -43,9 +43,10 @@ class FleetStart:
     Args:
         units: the platforms that start.
         present: those that run already.
+        specified: those that start with a specification, which they take or reject.
     """
 
-    def __init__(self, units: Iterable[str], present: Iterable[str] = ()) -> None:
+    def __init__(self, units: Iterable[str], present: Iterable[str] = (), specified: Iterable[str] = ()) -> None:
         self.units = set(units)
         self._all = self.units.union(present)
         self.joined_us: dict[str, int] = {}
@@ -53,8 +54,11 @@ class FleetStart:
         self.complete_us: dict[str, int] = {}
         self.notes: dict[str, list[str]] = {}
         self.rejected: dict[str, str] = {}
+        self._reading = set(specified)
 
     def on_heard(self, unit: str, said: dict[str, Any]) -> None:
+        if said.get("event") in {"specified", "not-specified"}:
+            self._reading.discard(unit)
         if said.get("event") == "joined":
             self.joined_us[unit] = int(said["at_us"])
             self.labels[unit] = [str(label) for label in said.get("labels", ())]
@@ -71,8 +75,10 @@ class FleetStart:
         return self.joined_us.keys() >= self.units
 
     def all_found(self) -> bool:
-        """Every platform has joined and has found every other."""
-        return self.all_joined() and (len(self._all) == 1 or self.complete_us.keys() >= self.units)
+        """Every platform has joined, has found every other and has read its specification."""
+        return (
+            self.all_joined() and not self._reading and (len(self._all) == 1 or self.complete_us.keys() >= self.units)
+        )
 
     @property
     def discovery_ms(self) -> int:
@@ -229,7 +235,8 @@ def _checked_scenario(name: str, simulated: int) -> None:
 
 def gathered(call: Call, fleet: Fleet, configs: list[NodeConfig], present: Iterable[str] = ()) -> FleetStart:
     """Start them and wait until each has found all others, those `present` included; raises FederationFailed."""
-    gathering = FleetStart([config.unit for config in configs], present)
+    reading = [config.unit for config in configs if config.spec is not None]
+    gathering = FleetStart([config.unit for config in configs], present, reading)
     for group in together(configs):
         fleet.start_together({config.unit: config.model_dump_json() for config in group})
     with call.out.waiting(f"{len(configs)} platforms are looking for each other"):
