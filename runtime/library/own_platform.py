@@ -9,7 +9,7 @@ from typing import Any, NamedTuple, Self
 from agents.effects import Fed, Specify
 from agents.specification.specification_part import read
 from dyknow import SURE, Quality, Value
-from dyknow.model.errors import FederationFailed, SpecificationFailed
+from dyknow.model.errors import FederationFailed, SpecificationFailed, WrongCall
 from dyknow.model.labels import Label
 from federation.keys import unit as unit_name
 from runtime.configuration.config import NodeConfig, NoVehicle
@@ -51,7 +51,7 @@ def join(
     interface: str | None = None,
     roster: str | Path | None = None,
     key: str | Path | None = None,
-    units: tuple[str, ...] = (),
+    units: str | tuple[str, ...] = (),
     extensions: str | tuple[str, ...] | None = None,
     ontology: str | Path | None = None,
 ) -> "OwnPlatform":
@@ -90,11 +90,19 @@ def join(
         wire=client_wire(settings, name),
         trust=trust_files(settings, name, None if key is None else Path(key)),
         vehicle=NoVehicle(),
-        units=units,
+        units=_modules(units),
         extensions=settings.extensions,
         ontology=settings.ontology,
     )
     return OwnPlatform(config)
+
+
+def _modules(units: object) -> tuple[str, ...]:
+    """Names of modules: one, or several."""
+    several = (units,) if isinstance(units, str | Path) else units
+    if isinstance(several, tuple | list) and all(isinstance(each, str | Path) for each in several):
+        return tuple(map(str, several))
+    raise WrongCall(f"join: units are modules, by name or path, such as units=('gas.py',); got {units!r}")
 
 
 class OwnPlatform:
