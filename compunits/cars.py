@@ -214,7 +214,7 @@ def _names(value: Value) -> tuple[str, ...]:
 class Subjects:
     """A class of objects that a chronicle forms: the first argument of all instances of the last `seconds`, an hour.
 
-    Its input is the stream of what is recognised, `chronicle[wrong_side]`; an output whenever the class changes.
+    Its input is the stream of what is recognised, `chronicle[wrong_side]`; an output whenever the class changes, also by time.
     """
 
     def __init__(self, seconds: float = 3600.0) -> None:
@@ -228,10 +228,24 @@ class Subjects:
         for name in names:
             if name in before or len(before) < MAX_MEMBERS:
                 self._named_us[name] = max(sample.valid_us, self._named_us.get(name, sample.valid_us))
-        oldest_us = max(self._named_us.values(), default=0) - self._span_us
-        self._named_us = {name: named_us for name, named_us in self._named_us.items() if named_us >= oldest_us}
-        members = tuple(self._named_us)
+        members = self._kept(max(self._named_us.values(), default=0))
         return None if members == before else members
+
+    @property
+    def due_us(self) -> int | None:
+        """When the first of them is a member no longer."""
+        return min(self._named_us.values()) + self._span_us + 1 if self._named_us else None
+
+    def on_time(self, now_us: int) -> Value:
+        """The class without those that were named too long ago; an empty one is told."""
+        before = tuple(self._named_us)
+        members = self._kept(now_us)
+        return None if members == before else members
+
+    def _kept(self, now_us: int) -> tuple[str, ...]:
+        oldest_us = now_us - self._span_us
+        self._named_us = {name: named_us for name, named_us in self._named_us.items() if named_us >= oldest_us}
+        return tuple(self._named_us)
 
 
 @computational_unit("object", "object", "object", name="Either", needs_all=False)

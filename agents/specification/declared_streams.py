@@ -1,6 +1,7 @@
 """Streams of the instance that others ask for by its own labels, whether they are exported or not."""
 
 from agents.exchange.label_agreements import LabelAgreements
+from agents.hosts.hosted import HostedProcess
 from dyknow import Label, Network
 from dyknow.model.errors import Refused, UnknownLabel
 from federation.sharing.translation import Translation
@@ -9,7 +10,7 @@ from kpl.syntax.specification import Import
 
 
 class DeclaredStreams:
-    """The streams that a specification makes, those derived on demand or recognised, and those of the vehicle.
+    """The streams that a specification makes, those derived on demand or recognised, those of hosts and of the vehicle.
 
     What is exported to some only, or to none, is for these under its own label, too. What is imported, its owner has.
     """
@@ -45,6 +46,7 @@ class DeclaredStreams:
         elif (
             held is None
             and not self._network.is_implicit(carrier)
+            and not isinstance(self._network.process(carrier), HostedProcess)
             and not any(carrier in each.labels for each in self._chronicles.values())
         ):
             raise self._unknown(text)

@@ -2,7 +2,7 @@
 
 from collections.abc import Callable, Mapping, Sequence
 from math import prod
-from typing import TypeAlias
+from typing import Protocol, TypeAlias, runtime_checkable
 
 from dyknow.model.sample import SURE, Quality, Sample, Value, oldest
 from dyknow.model.values import NO_VALUE
@@ -13,6 +13,32 @@ Output: TypeAlias = Sample | list[Sample] | None
 """One sample, several, such as the states of several objects, or none."""
 UnitFunction: TypeAlias = Callable[[int, Inputs, Value], tuple[Output, Value]]
 """(time, last sample of each input, state) -> (output, new state); the first state is `NO_VALUE`."""
+
+
+@runtime_checkable
+class ClockedUnit(Protocol):
+    """A unit that has something to say when time has passed, though nothing new has come.
+
+    Attributes:
+        due_us: when, in the time of its samples; None: not at all.
+    """
+
+    due_us: int | None
+
+    def on_time(self, now_us: int) -> Value:
+        """A value that is valid now; None: nothing new."""
+
+
+class ClockedFunction:
+    """The function of a clocked unit, with the unit."""
+
+    __slots__ = ("_step", "unit")
+
+    def __init__(self, step: UnitFunction, unit: ClockedUnit) -> None:
+        self._step, self.unit = step, unit
+
+    def __call__(self, now_us: int, inputs: Inputs, state: Value) -> tuple[Output, Value]:
+        return self._step(now_us, inputs, state)
 
 
 class ComputationalUnit:
@@ -39,6 +65,16 @@ class ComputationalUnit:
         """The join of the inputs has a new element, in which these are new; the output, the last one of several."""
         outputs = self.outputs_of(element, now_us)
         return outputs[-1] if outputs else None
+
+    @property
+    def due_us(self) -> int | None:
+        """When it wants to be asked without a sample; None: not at all."""
+        return self._function.unit.due_us if isinstance(self._function, ClockedFunction) else None
+
+    def on_time(self, now_us: int) -> Sequence[Sample]:
+        """Its outputs when time has passed."""
+        made = self._function.unit.on_time(now_us) if isinstance(self._function, ClockedFunction) else None
+        return () if made is None else (Sample(now_us, now_us, made),)
 
     def outputs_of(self, element: Mapping[int, Sample], now_us: int) -> Sequence[Sample]:
         """The same; all outputs."""

@@ -27,7 +27,16 @@ from typing import Any, Protocol, TypeAlias, TypeVar
 from dyknow.model.labels import Label
 from dyknow.model.sample import Sample, Value
 from dyknow.model.values import Sort
-from dyknow.network.computational_unit import Inputs, Output, UnitFunction, latest_valid_us, of_values, quality_of
+from dyknow.network.computational_unit import (
+    ClockedFunction,
+    ClockedUnit,
+    Inputs,
+    Output,
+    UnitFunction,
+    latest_valid_us,
+    of_values,
+    quality_of,
+)
 from dyknow.network.process import Input, Process
 from dyknow.policies.policy import Policy
 
@@ -289,4 +298,4 @@ def of_samples(unit: SampleUnit, *, needs_all: bool = True) -> UnitFunction:
             return made, state
         return Sample(now_us, valid_us, made, quality_of(inputs)), state
 
-    return step
+    return ClockedFunction(step, unit) if isinstance(unit, ClockedUnit) else step

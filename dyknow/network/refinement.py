@@ -5,12 +5,12 @@ In simulated time it is what the prototype declares, and a unit works on one ele
 """
 
 from collections import deque
-from collections.abc import Mapping, Sequence
+from collections.abc import Sequence
 from functools import partial
 from typing import Final, NamedTuple
 
 from dyknow.model.errors import SortError, TooEarly, raised
-from dyknow.model.instants import US_PER_S, print_span
+from dyknow.model.instants import US_PER_S, earlier, print_span
 from dyknow.model.sample import Sample
 from dyknow.network.computational_unit import ComputationalUnit, UnitFunction
 from dyknow.network.generator import Generator
@@ -18,6 +18,7 @@ from dyknow.network.instant import JoinElements
 from dyknow.network.process import Input, Outcome, ProcessNetwork, Work
 from dyknow.network.processes import OnDemand
 from dyknow.network.prototypes import UnitPrototype
+from dyknow.network.unit_at_work import UnitAtWork
 from dyknow.policies.policy import Policy
 from dyknow.policies.sampling import Grid, PolicyAdapter
 
@@ -56,44 +57,6 @@ class Pace:
         elif self._missing and not self._is_declared_slow:
             self._missing -= 1
             self.is_known_slow = self.is_known_slow and self._missing > 0
-
-
-class UnitAtWork:
-    """One instance of a unit, for one thread at a time. What it raises is a fault, and ends nothing.
-
-    Attributes:
-        unit: the instance, once it is made.
-    """
-
-    __slots__ = ("_arity", "_has_failed", "_prototype", "unit")
-
-    def __init__(self, prototype: UnitPrototype, arity: int) -> None:
-        self._prototype, self._arity = prototype, arity
-        self.unit: ComputationalUnit | None = None
-        self._has_failed = False
-
-    def make(self) -> tuple[str, ...]:
-        """Make the instance, which may take its time: a unit imports what it needs; returns what went wrong."""
-        try:
-            self.unit = ComputationalUnit(self._prototype.make(), self._arity)
-        except Exception as wrong:  # noqa: BLE001  (it is a user's code)
-            self._has_failed = True
-            return (f"{self._prototype.name} cannot be made: {wrong!r}",)
-        return ()
-
-    def take(self, element: Mapping[int, Sample], available_us: int) -> Outcome:
-        """Call it with the next element of its join."""
-        faults = () if self.unit is not None or self._has_failed else self.make()
-        if self.unit is None:
-            return Outcome((), faults)
-        try:
-            outputs = self.unit.outputs_of(element, available_us)
-        except Exception as wrong:  # noqa: BLE001  (it is a user's code)
-            return Outcome((), (raised(self._prototype.name, wrong),))
-        return Outcome(tuple(outputs)) if outputs else _NOTHING
-
-
-_NOTHING: Final = Outcome()
 
 
 class WaitingElement(NamedTuple):
@@ -269,6 +232,8 @@ class RefinementProcess(OnDemand):
             now_us = available_us + ended_us - began_us if self._in_past else max(available_us, ended_us)
         for output in outputs:
             self._hand_on(output, now_us)
+        if unit.due_us is not None and not self._in_past:
+            network.step(self)
 
     def _hand_on(self, output: Sample, now_us: int) -> None:
         """What the unit made is available now."""
@@ -349,10 +314,17 @@ class RefinementProcess(OnDemand):
         if self._due is not None and self._due[0] <= now_us:
             (_, outcome), self._due = self._due, None
             self._finish(outcome, now_us)
+        unit = None if self._is_apart else self._unit
+        if unit is not None and unit.due_us is not None and unit.due_us <= now_us:
+            outcome = unit.on_time(now_us)
+            for output in outcome.outputs:
+                self._hand_on(output, now_us)
+            self._report(outcome.faults)
 
     @property
     def deadline_us(self) -> int | None:
-        return None if self._due is None else self._due[0]
+        unit = None if self._is_apart else self._unit
+        return earlier(None if self._due is None else self._due[0], None if unit is None else unit.due_us)
 
     def _finish(self, outcome: Outcome, now_us: int) -> None:
         if self._is_past:

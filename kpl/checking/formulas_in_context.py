@@ -7,6 +7,7 @@ come later. Values of unknown sorts are unchecked.
 
 from typing import Final
 
+from dyknow.model import values
 from dyknow.model.errors import TextError
 from dyknow.model.labels import Label
 from dyknow.objects.object_streams import OBJECTS, attribute_of
@@ -157,6 +158,8 @@ class FormulaChecker(Checker):
             return self._taken(node, self._arities[node.name], "any")
         if not node.objects and not is_made:
             self._unknown_name(node, label)
+        elif is_made and not node.objects:
+            self._of_no_object(node, label)
         elif is_made:
             self._free(node)
         return "any"
@@ -216,11 +219,19 @@ class FormulaChecker(Checker):
         if attribute is not None and not self._streams.has_feature(node.name):
             return OF_UNITS.get(attribute.unit, "number")
         record = self._streams.record(label, variables)
-        if lacking is not None or record is None or not record.fields:
+        if lacking is not None:
             return "any"
+        if record is None or not record.fields:
+            return "any" if node.name in FEATURES or node.attribute else self._simple(record, label, variables)
         if node.attribute is None:  # of a derived feature's name it may be that one, in a federation
             return "any" if node.name in FEATURES else "record"
         return OF_UNITS.get(next(each.unit for each in record.fields if each.name == node.attribute), "number")
+
+    def _simple(self, record: values.Sort | None, label: Label, variables: frozenset[str]) -> Sort:
+        """The sort of simple values, where it says what they are; one called `number`, undeclared, is of numbers."""
+        if record is None:
+            return "number" if self._streams.sort_of(label, variables) == "number" else "any"
+        return OF_UNITS.get(record.unit, "number") if record.unit else "any"
 
     def _unknown_name(self, node: tree.Feature, label: Label) -> None:
         near = self._collector.closest(str(label), (*self._labels, *self._arities, *self._known.constants))
@@ -228,6 +239,11 @@ class FormulaChecker(Checker):
         self._unmade(
             said, node.place, label, near, f"forall {label} in DOMAIN: ..., or strmgen {label} = ..., before it"
         )
+
+    def _of_no_object(self, node: tree.Feature, label: Label) -> None:
+        """Streams of the feature are each of some object, and this names none."""
+        near = self._collector.closest(str(label), self._labels)
+        self._unmade(f"{label} is made of objects, and none is named", node.place, label, near, "")
 
     def _free(self, node: tree.Feature) -> None:
         """Streams of the feature may come later, but not of what nothing is called."""

@@ -18,7 +18,7 @@ from kpl.checking.formulas import Sort
 from kpl.checking.formulas_in_context import OF_UNITS, FormulaChecker
 from kpl.checking.needs import conditions_of, label_of
 from kpl.checking.streams import Streams
-from kpl.checking.symbols import CHRONICLE, LINK_UNITS, SELF, stem
+from kpl.checking.symbols import CHRONICLE, LINK_UNITS, SELF, recognises, stem
 from kpl.diagnostics.collector import nearest
 from kpl.syntax import specification as spec
 from reasoning.features.derivation import FEATURES
@@ -82,6 +82,8 @@ def stands_in_state(label: Label, types: Mapping[str, Label], streams: Streams) 
     whole, _, attribute = label.feature.rpartition(".")
     if whole and whole != type_.feature:
         return False
+    if attribute in _OWN and not whole:
+        return True
     known = attributes_of(type_, streams)
     if known is not None:
         return attribute in known
@@ -140,6 +142,9 @@ class ConditionChecker(FormulaChecker):
                     else 'chronicle file "FILE.chr"'
                 )
                 self.error(f"no chronicle is called {label.objects[0]}", node.event.place, repair)
+            elif not recognises(self._streams.symbols, label):
+                said = f"{label.objects[0]} has another number of arguments"
+                self.error(said, node.event.place, tree.label_text(spec.RECOGNISED, [label.objects[0], FROM]))
         elif not self._streams.has(label, variables) and stem(label) not in self._streams.known.unread:
             near = self._collector.closest(
                 str(label), [*self._labels, *(f"{spec.RECOGNISED}[{one}]" for one in chronicles)]
@@ -204,7 +209,7 @@ class ConditionChecker(FormulaChecker):
         if not is_of_end(label):
             return "number"
         known = attributes_of(self._types[label.objects[0]], self._streams)
-        return "any" if known is None else known[label.feature.rpartition(".")[2]]
+        return (known or _OWN).get(label.feature.rpartition(".")[2], "any")
 
     def _no_attribute(self, node: tree.Feature, label: Label) -> None:
         end, type_ = label.objects[0], self._types[label.objects[0]]

@@ -4,6 +4,7 @@ Labels of members (`pos[car]` in `for car in ...`, select and merge) stand for a
 """
 
 from collections.abc import Collection, Iterable, Iterator, Sequence
+from dataclasses import replace
 from functools import cached_property
 from typing import TYPE_CHECKING, NamedTuple
 
@@ -16,6 +17,7 @@ from kpl.checking.streams import ANY, Streams
 from kpl.checking.symbols import CHRONICLE, GENERATOR, LINK_UNITS, MAKER, MARGIN, Symbol, SymbolTable, stem
 from kpl.checking.warnings import warnings_of
 from kpl.syntax import specification as spec
+from kpl.syntax.listing import print_declaration, print_making
 from reasoning.formulas.tree import Node, instantiate
 
 if TYPE_CHECKING:
@@ -191,23 +193,27 @@ class _Checker(DeclarationErrors):
             repair = self.closest(source, sources) or f"source SORT {source}, before it"
             self.wrong(f"{source} is no source that is declared", made, repair)
 
-    def _unit(self, unit: str, arity: int, made: Node) -> None:
-        declared = self.symbols.unit(unit)
+    def _unit(self, unit: str, arity: int, made: spec.Refinement | spec.Link) -> None:
+        declared, is_link = self.symbols.unit(unit), isinstance(made, spec.Link)
         if unit in self.known.unread:
             return
         if declared is None:
             is_source = self.symbols.source(unit) is not None
             kind = "a source, which takes no streams" if is_source else "no computational unit that is declared"
             units = (*self.symbols.units(), *self.known.units, *self.known.offered, *WORDS)
-            repair = unit if is_source else self.closest(unit, units)
+            near = "" if is_source else self.closest(unit, (*units, *(LINK_UNITS if is_link else ())))
+            repair = unit if is_source else print_making(replace(made, unit=near)) if near else ""
             sorts = ", ".join(["SORT"] * arity)
             self.wrong(f"{unit} is {kind}", made, repair or f"compunit SORT {unit}({sorts}), before it")
         elif len(declared[1]) != arity:
             takes = ", ".join(declared[1])
+            shorter = ""
+            if isinstance(made, spec.Refinement) and arity > len(declared[1]):
+                shorter = print_making(replace(made, inputs=made.inputs[: len(declared[1])]))
             self.wrong(
                 f"{unit} takes {len(declared[1])} stream{'s' * (len(declared[1]) != 1)} ({takes}), not {arity}",
                 made,
-                f"{unit}({takes})",
+                shorter or f"{unit}({takes})",
             )
 
     def _linked_unit(self, made: spec.Link) -> None:
@@ -231,7 +237,8 @@ class _Checker(DeclarationErrors):
         match body:
             case spec.GeneratorDeclaration(label):
                 if variable not in label.objects:
-                    repair = f"{label.feature}[{', '.join((variable, *label.objects))}]"
+                    own = label._replace(objects=(variable, *label.objects))
+                    repair = print_declaration(replace(body, label=own))
                     self.wrong(f"every member of the stream would make {label}", body, repair)
                 return
             case spec.MonitorDeclaration(_, formula):
@@ -318,8 +325,13 @@ class _Checker(DeclarationErrors):
             made = (one.label for one in self.symbols.symbols() if one.made == spec.FromSource(label.feature))
             self.wrong(said, term, str(next(made, f"strmgen {label}_stream = {label}, before it")))
             return
-        names = self.symbols.labels(but=self.of)
-        self.unmade(f"nothing makes {label}", term, label, self.closest(str(label), names))
+        near = self.closest(str(label), self.symbols.labels(but=self.of, like=label))
+        linking = None if self.of is None else spec.making_of(self.of)
+        if near and isinstance(linking, spec.Link | spec.Composite) and label == linking.source:
+            near = print_making(replace(linking, source=Label.parse(near)))
+        elif near and isinstance(self.of, spec.WantDeclaration):
+            near = print_declaration(replace(self.of, stream=Label.parse(near)))
+        self.unmade(f"nothing makes {label}", term, label, near)
 
     def _names_objects(self, domain: spec.StreamTerm, variables: frozenset[str]) -> None:
         """A stream of members is one of objects, or of sets of them."""

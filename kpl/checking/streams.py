@@ -197,7 +197,7 @@ class Streams:
             return ""
         sort = self.sort_of(label, variables)
         values = None if sort is None else self.symbols.shape(sort)
-        if values is None or all(each.unit == "text" for each in values.fields):
+        if values is None or (values.unit in {"", "text"} and all(each.unit == "text" for each in values.fields)):
             return ""
         return f"the values of {label} are of sort {sort}, and name no objects"
 

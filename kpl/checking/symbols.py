@@ -278,10 +278,18 @@ class SymbolTable:
         """The names of all declared units."""
         return [each.name for each in self.of_kind(MAKER) if isinstance(each, spec.UnitDeclaration)]
 
-    def labels(self, but: spec.Declaration | None = None) -> tuple[Label, ...]:
-        """The labels of all that is made, families as they are written, but of one, and of what is there already."""
+    def labels(self, but: spec.Declaration | None = None, like: Label = _NO_LABEL) -> tuple[Label, ...]:
+        """The labels of all that is made, but of one, and of what is there already.
+
+        Families are as they are written, or of the objects of the label that they are compared with.
+        """
+
+        def of_one(made: Symbol) -> Label:
+            is_like = made.variables and len(like.objects) == len(made.label.objects)
+            return made.label._replace(objects=like.objects) if is_like else made.label
+
         made = (each for each in self._symbols.values() if each.label.feature and each.declaration is not but)
-        return (*(each.label for each in made), *self.known.labels)
+        return (*map(of_one, made), *self.known.labels)
 
     def makers(self, label: Label, variables: frozenset[str] = NOTHING) -> Iterator[Symbol]:
         """All that may make this label; `cars.link[car1]` is an attribute of what `cars` makes."""
@@ -338,6 +346,14 @@ def _shares(declaration: spec.Declaration, label: str) -> bool:
 
 def _is_of(symbol: Symbol, sort: str) -> bool:
     return isinstance(symbol.declaration, spec.LabelDeclaration) and symbol.declaration.sort.name == sort
+
+
+def recognises(symbols: SymbolTable, label: Label) -> bool:
+    """Whether `chronicle[NAME, ARGUMENT, ...]` names a chronicle that is declared, without arguments or with all."""
+    declared = symbols.named(CHRONICLE, label.objects[0])
+    if not isinstance(declared, spec.ChronicleDeclaration) or declared.content is None:
+        return False
+    return len(label.objects) in {1, 1 + len(declared.content.chronicles[label.objects[0]].parameters)}
 
 
 def constant_of(definition: spec.Define) -> Constant | None:

@@ -6,16 +6,17 @@ from datetime import UTC, datetime
 from dyknow.model.errors import ChronicleError, TextError
 from dyknow.model.instants import US_PER_S, print_duration, print_instant, print_span
 from dyknow.model.labels import Label
+from dyknow.model.values import Field
 from kpl.checking.error_collector import DeclarationErrors
 from kpl.checking.lint import remarks
-from kpl.checking.needs import domains_of, label_of
+from kpl.checking.needs import NOTHING, conditions_of, domains_of, label_of
 from kpl.checking.streams import Streams
-from kpl.checking.symbols import CHRONICLE, DEFINITION, Symbol, SymbolTable, stem
+from kpl.checking.symbols import DEFINITION, Symbol, SymbolTable, recognises, stem
 from kpl.syntax import specification as spec
 from reasoning.chronicles import ChronicleFile as Chronicles
 from reasoning.chronicles import Recogniser
 from reasoning.features.derivation import FEATURES, needed_labels
-from reasoning.formulas.tree import Feature, Formula, Variable, walk
+from reasoning.formulas.tree import Feature, Formula, Variable, label_text, walk
 
 
 def warnings_of(every: Sequence[spec.Declaration], symbols: SymbolTable, errors: DeclarationErrors) -> list[TextError]:
@@ -47,11 +48,14 @@ def warnings_of(every: Sequence[spec.Declaration], symbols: SymbolTable, errors:
         if made.label.feature and id(made) not in wanted and stem(made.label) not in features:
             found.append(errors.located(f"{made.label} has no subscriber here", each, ""))
         declared = spec.monitor_of(each) or each
-        if isinstance(declared, spec.Define | spec.MonitorDeclaration):
-            found += makers.unread(declared.formula, errors)
+        for read in _formulas(each):
+            found += makers.unread(read, errors)
         if isinstance(declared, spec.MonitorDeclaration):
             said_of = remarks(declared.formula, lambda feature: _is_raw(feature, symbols))
             found += [errors.located(one.message, one.node, one.repair) for one in said_of]
+    for each in every:
+        if isinstance(each, spec.ChronicleDeclaration) and each.content is not None:
+            found += makers.eventless(each, each.content, errors)
     return [*found, *unoffered(map(symbols.of, every), symbols.known.units, errors), *stray_grids(every, errors)]
 
 
@@ -74,10 +78,16 @@ def run_warnings(
     producer, durations that are over.
     """
     every, errors, makers = list(specification), DeclarationErrors(text), Makers(symbols, FEATURES)
-    declared = (spec.monitor_of(each) or each for each in every)
-    formulas = (each.formula for each in declared if isinstance(each, spec.Define | spec.MonitorDeclaration))
-    unread = (one for formula in formulas for one in makers.unread(formula, errors))
+    unread = (one for each in every for formula in _formulas(each) for one in makers.unread(formula, errors))
     return [*unread, *stray_grids(every, errors), *past_durations(every, errors, now_us)]
+
+
+def _formulas(declaration: spec.Declaration) -> tuple[Formula, ...]:
+    """The formulas of a declaration whose streams may have no producer."""
+    declared, made = spec.monitor_of(declaration) or declaration, spec.making_of(declaration)
+    if isinstance(declared, spec.Define | spec.MonitorDeclaration):
+        return (declared.formula,)
+    return () if made is None else conditions_of(made)
 
 
 def past_durations(every: Iterable[spec.Declaration], errors: DeclarationErrors, now_us: int) -> Iterator[TextError]:
@@ -151,17 +161,51 @@ class Makers:
                 continue
             said = f"nothing here makes {name}, so that its value stays unknown"
             repair = errors.closest(name, names)
-            objects = f"[{', '.join(map(str, node.objects))}]" if repair and name == node.name else ""
-            yield errors.located(said, node, f"{repair}{objects}")
+            if repair and name == node.name:
+                repair = label_text(repair, node.objects)
+            yield errors.located(said, node, repair)
+
+    def eventless(
+        self, declared: spec.ChronicleDeclaration, content: Chronicles, errors: DeclarationErrors
+    ) -> Iterator[TextError]:
+        """Of attributes and messages of chronicles that no stream brings."""
+        for name in _event_names(content):
+            if name in content.chronicles or self._brings(name):
+                continue
+            fields = [f"{stem(Label(name))}.{one.name}" for one in self._fields(stem(Label(name)))]
+            near = errors.closest(name, [*fields, *self._features, *self._attributes()])
+            said = f"nothing here makes {name}, of which chronicles of {declared.path} speak"
+            yield errors.located(said, declared, f"{near}, there" if near else f"strmgen {name}[...] = ...")
+
+    def _brings(self, name: str) -> bool:
+        """Whether some stream has what a chronicle calls so."""
+        whole, _, attribute = name.partition(".")
+        if self._streams.has_feature(name):
+            return True
+        if not self._streams.has_feature(whole):
+            return name in self._by_name or (not attribute and name in self._attributes())
+        fields = [one.name for one in self._fields(whole)]
+        return bool(attribute) and (not fields or attribute in fields)
+
+    def _fields(self, feature: str) -> tuple[Field, ...]:
+        """Of the records of a feature, where all are known."""
+        labels = ((each, NOTHING) for each in self._symbols.known.labels if each.feature == feature)
+        made = ((each.label, each.variables) for each in self._symbols.of_feature(feature))
+        records = [self._streams.record(label, variables) for label, variables in (*made, *labels)]
+        return tuple(one for each in records if each is not None for one in each.fields) if all(records) else ()
+
+    def _attributes(self) -> set[str]:
+        return {one.name for sort in self._streams.object_streams.values() for one in sort.fields}
 
     def _make(self, feature: Feature) -> bool:
+        label = label_of(feature)[0]
+        if label.feature == spec.RECOGNISED and label.objects:
+            return recognises(self._symbols, label)
         if feature.name in self._by_name or any(
             isinstance(one, Variable) or one in self._by_name for one in feature.objects
         ):
             return True
         label = Label(feature.name, tuple(map(str, feature.objects)))
-        if label.feature == spec.RECOGNISED:
-            return self._symbols.named(CHRONICLE, label.objects[0]) is not None
         whole, known = Label(feature.name.partition(".")[0], label.objects), self._symbols.known.labels
         if "self" in label.objects and any(one.feature == whole.feature for one in known):
             return True  # of the own vehicle, whatever its platform is called

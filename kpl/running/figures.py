@@ -20,7 +20,7 @@ from kpl.running.margins import MarginStream, has_margins
 PERIOD_US: Final = 100 * US_PER_MS
 WORST: Final = "worst"
 MEANINGS: Final[Mapping[str, str]] = {
-    "stream_delay": "ms between the valid time and the available time of what came last, in the last 100 ms",
+    "stream_delay": "ms between the valid time and the available time of what came last, or by which what comes regularly is overdue",
     "stream_rate": "samples per second, of the last samples",
     "stream_drops": "samples that a declared stream's policy has dropped, all in all",
     "stream_memory": "bytes of the history, about",
@@ -29,6 +29,8 @@ MEANINGS: Final[Mapping[str, str]] = {
 }
 LAST = 32
 """Samples from which the rate and delay of a stream are computed."""
+REGULAR: Final = 4
+"""So many gaps between samples tell whether they come regularly: the longest is at most twice the shortest."""
 SAMPLE_BYTES = 250
 """What a sample of a few numbers takes in a history, about."""
 SORT: Final = Sort("figure")
@@ -103,7 +105,7 @@ class Figure(OnDemand):
             found = self._generator_of()
             if found is None:
                 return NO_VALUE
-            generators = [found]
+            return _last_us(found.history, self._due_us - PERIOD_US) / US_PER_MS
         since_us = self._due_us - 2 * PERIOD_US
         return max((_longest_us(generator, since_us) for generator in generators), default=0) / US_PER_MS
 
@@ -124,6 +126,22 @@ class Figure(OnDemand):
         generator = self._generator_of()
         made_by = None if generator is None else self._figures.network.process(generator.label)
         return NO_VALUE if not isinstance(made_by, Failover) or made_by.producer is None else str(made_by.producer)
+
+
+def _last_us(history: History, now_us: int) -> int:
+    """The longest delay of what came in the last 100 ms, or of what came last; of a stream that is overdue, by how much at least."""
+    held = min(history.get_size(), LAST)
+    if not held:
+        return 0
+    last = history.get_nth_latest(0)
+    since_us = min(now_us - PERIOD_US, last.available_us - 1)
+    newest = [each for n in range(held) if (each := history.get_nth_latest(n)).available_us > since_us]
+    gaps_us = [
+        history.get_nth_latest(n).available_us - history.get_nth_latest(n + 1).available_us for n in range(held - 1)
+    ]
+    is_regular = len(gaps_us) >= REGULAR and 0 < max(gaps_us) <= 2 * min(gaps_us)
+    overdue_us = now_us - last.available_us - max(gaps_us) if is_regular else 0
+    return max(*(each.delay_us for each in newest), overdue_us)
 
 
 def _longest_us(generator: Generator, since_us: int) -> int:

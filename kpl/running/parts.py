@@ -317,9 +317,16 @@ class Families:
 
         text = print_declaration(declaration)
         self.others[text] = Configuration(
-            self._network, self._compiler.domain(declaration.domain), create, remove, _tuples(declaration), admit
+            self._network, self._compiler.domain(declaration.domain), create, remove, self._tuples(declaration), admit
         )
         return lambda: self.others.pop(text).cancel()
+
+    def _tuples(self, family: spec.ForEach) -> Callable[[Value], Sequence[Objects]]:
+        """The members that a value names, without those in which an object is left out."""
+        left_out = {*self._compiler.label(Label("", family.left_out)).objects}
+        return lambda value: [
+            each for each in tuples_of(value, len(family.variables)) if not left_out.intersection(each)
+        ]
 
     def _is_declared(self, declaration: spec.Declaration) -> bool:
         """Whether what a member would have is declared by itself."""
@@ -358,7 +365,7 @@ class Families:
                 )
 
         domain = self._compiler.domain(declaration.domain)
-        family = Configuration(self._network, domain, create, remove, _tuples(declaration), admit)
+        family = Configuration(self._network, domain, create, remove, self._tuples(declaration), admit)
         self.members[family_label] = family
 
         def undo() -> None:
@@ -366,10 +373,6 @@ class Families:
             family.cancel()
 
         return undo
-
-
-def _tuples(family: spec.ForEach) -> Callable[[Value], Sequence[Objects]]:
-    return lambda value: tuples_of(value, len(family.variables))
 
 
 def _called(declaration: spec.Declaration) -> tuple[object, ...]:

@@ -27,11 +27,12 @@ def print_declaration(declaration: spec.Declaration) -> str:
         case spec.UnitDeclaration(sort, name, inputs):
             return f"compunit {sort} {name}({', '.join(inputs)})"
         case spec.GeneratorDeclaration(label, made):
-            return f"strmgen {label} = {_made(made)}"
+            return f"strmgen {label} = {print_making(made)}"
         case spec.StreamDeclaration(name, term):
             return f"stream {name} = {_term(term)}"
-        case spec.ForEach(variables, domain, body):
-            return f"for {', '.join(variables)} in {_term(domain)} {print_declaration(body)}"
+        case spec.ForEach(variables, domain, body, left_out):
+            but = f" - {{{', '.join(left_out)}}}" if left_out else ""
+            return f"for {', '.join(variables)} in {_term(domain)}{but} {print_declaration(body)}"
         case spec.SortDeclaration(sort):
             return f"sort {_sort(sort)}"
         case spec.LabelDeclaration(name, sort, meaning):
@@ -78,7 +79,8 @@ def _unit(unit: str) -> str:
     return unit if is_typed else f'"{unit}"'
 
 
-def _made(made: spec.Making) -> str:
+def print_making(made: spec.Making) -> str:
+    """How the generator of a declaration is made, as it is written."""
     match made:
         case spec.FromSource(source):
             return source

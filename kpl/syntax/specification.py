@@ -270,12 +270,13 @@ class MonitorDeclaration(Node):
 class ForEach(Node):
     """`for NAME in TERM strmgen ...`: what is declared, once per member and removed with it (thesis 3.3, configuration).
 
-    Of `for a, b in TERM strmgen ...` each member is a pair of objects (thesis 8.7.5).
+    Of `for a, b in TERM strmgen ...` each member is a pair of objects (thesis 8.7.5). Nothing is declared for those `left_out`.
     """
 
     variables: tuple[str, ...]
     domain: StreamTerm
     body: GeneratorDeclaration | StreamDeclaration | Export | Import | MonitorDeclaration
+    left_out: tuple[str, ...] = ()
 
     def members(self, member: Sequence[str]) -> dict[str, str]:
         """What each variable means for one member."""

@@ -7,10 +7,8 @@ arguments are one list in the parse tree; here each constraint goes to the strea
 
 import re
 from bisect import bisect_right
-from collections.abc import Callable, Iterable, Sequence
+from collections.abc import Callable, Iterable, Mapping, Sequence
 from dataclasses import replace
-from functools import lru_cache
-from hashlib import sha256
 from itertools import accumulate
 from typing import TYPE_CHECKING, Any, Final, NamedTuple, TypeAlias, cast
 
@@ -25,21 +23,25 @@ from kpl.syntax.chronicles import parse_chronicles
 from kpl.syntax.grammar import LIMIT_CHARACTERS, moved, parse_tree, placed
 from kpl.syntax.link_options import COMPOSITE_OPTIONS, read_options
 from kpl.syntax.links import LINKED, read_link
+from kpl.syntax.named_roads import digest_of, roads_of
 from kpl.syntax.numbers import parse_number
 from kpl.syntax.parsing import FormulaReader, blank, line_width, place_of, raise_all, unit_text
+from kpl.syntax.repairs import MOST_REPAIRED, repaired
 from reasoning.formulas.evaluation import NoValuePolicy
 from reasoning.formulas.tree import Place
 
 if TYPE_CHECKING:
     from lark import Token, Tree
 
-    from anchoring.roads.network import RoadNetwork
 
 _STATEMENT = re.compile(r"^(?:[ \t]*(?:source|compunit|strmgen|stream|for|sort|label|export|offer|import|call|define|monitor|chronicle|roads|want)\b|[A-Za-z]\w+)", re.MULTILINE)  # fmt: skip
 ReadFile: TypeAlias = Callable[[str], str]
 """The text of a file that a specification names; raises OSError or UnicodeDecodeError."""
 _WORD = re.compile(r"[A-Za-z_][A-Za-z0-9_-]*")
 _FREE: Final = frozenset[str]()
+_NONE: Final[Mapping[str, str]] = {}
+_MONITORED: Final = {"sample_every": "sample every 100", "max_delay": "max delay 1s", "from_to": "from 0"}
+"""The states of a monitor, unless it says otherwise."""
 MAX_ERRORS: Final = 100
 """Statements that leave the grammar after which reading ends."""
 
@@ -80,7 +82,7 @@ def read_specification(text: str, read_file: ReadFile | None = None) -> ReadSpec
     except TextError as wrong:
         starts = [found.start() for found in _STATEMENT.finditer(text) if begins_statement(found[0].strip())]
         if len(text) > LIMIT_CHARACTERS or len(starts) < 2:
-            raise
+            raise repaired(wrong, text) from None
         first = wrong
     found: list[spec.Declaration] = []
     unread = reader.unread
@@ -90,7 +92,8 @@ def read_specification(text: str, read_file: ReadFile | None = None) -> ReadSpec
             found += reader.declarations(moved(parse_tree(text[start:end], "start"), start, lines))
         except TextError as wrong:
             unread.update(_WORD.findall(text[start:end]))
-            reader.errors.append(placed(wrong, text, lines))
+            told = repaired(wrong, text[start:end]) if len(reader.errors) < MOST_REPAIRED else wrong
+            reader.errors.append(placed(told, text, lines))
             if len(reader.errors) >= MAX_ERRORS:
                 unread.update(_WORD.findall(text[start:]))
                 break
@@ -197,7 +200,8 @@ class _StatementReader(FormulaReader):
         return spec.StreamDeclaration(_name(name), self._term(label, policy), place=place)
 
     def _for_each(self, node: Any, place: Place) -> spec.Declaration:
-        *variables, domain, body = node.children
+        *variables, domain, body = (each for each in node.children if each.data != "left_out")
+        left_out = next((each.children for each in node.children if each.data == "left_out"), ())
         names, at = tuple(map(_name, variables)), place_of(body, self.text)
         if len(set(names)) < len(names):
             self.error(
@@ -207,7 +211,9 @@ class _StatementReader(FormulaReader):
             inside = self._monitor(body, at, frozenset(names))
         else:
             inside = cast("Any", self.declaration(body))
-        return spec.ForEach(names, self._member(domain), inside, place=place)
+        return spec.ForEach(
+            names, self._member(domain), inside, tuple(str(self.object(each, _FREE)) for each in left_out), place=place
+        )
 
     def _sort_(self, node: Any, place: Place) -> spec.Declaration:
         name, *shape = node.children
@@ -301,9 +307,9 @@ class _StatementReader(FormulaReader):
                 pass  # that it is there is all it says
             else:
                 constraints.append(option)
-        inside = self.read(formula, bound)
+        inside, policy = self.read(formula, bound), self._policy(constraints, _MONITORED)
         return spec.MonitorDeclaration(
-            _name(name), inside, self._policy(constraints), no_value, close_after, "avoidance" in seen, place=place
+            _name(name), inside, policy, no_value, close_after, "avoidance" in seen, place=place
         )
 
     def _chronicle_file(self, node: Any, place: Place) -> spec.Declaration:
@@ -380,34 +386,29 @@ class _StatementReader(FormulaReader):
             for label, constraints in grouped
         )
 
-    def _policy(self, constraints: Sequence[Any]) -> Policy:
-        """One reader for policies wherever they stand: here it gets the words of the constraints, without comments."""
+    def _policy(self, constraints: Sequence[Any], usual: Mapping[str, str] = _NONE) -> Policy:
+        """One reader for policies wherever they stand: here it gets the words of the constraints, without comments.
+
+        `usual` stands for what is left out where the most recent value is used.
+        """
         if not constraints:
             return spec.ANY_UPDATE
         places = [place_of(constraint, self.text) for constraint in constraints]
         words = [blank(self.text[place.start : place.end]) for place in places]
+        kinds = {each.data for each in constraints}
+        if "use_most_recent" in kinds:
+            words += [each for kind, each in usual.items() if kind not in kinds]
         try:
             return Policy.parse(", ".join(words))
         except TextError as wrong:
             starts = [0, *accumulate(len(each) + 2 for each in words[:-1])]
-            self.error(wrong.message, places[bisect_right(starts, wrong.column - 1) - 1], wrong.repair)
+            self.error(
+                wrong.message, places[min(len(places), bisect_right(starts, wrong.column - 1)) - 1], wrong.repair
+            )
         except PolicyError as wrong:
             whole = places[0]._replace(width=line_width(self.text, places[0].start, places[-1].end))
             self.error(str(wrong), whole, wrong.repair)
         return spec.ANY_UPDATE
-
-
-@lru_cache(maxsize=4)
-def roads_of(text: str, file: str) -> "RoadNetwork":
-    """The road network of a text; raises RoadsError."""
-    from anchoring.roads.files.formats import survey_any
-
-    return survey_any(text).required(file)
-
-
-def digest_of(text: str) -> str:
-    """What distinguishes a text from others."""
-    return sha256(text.encode("utf-8", "surrogatepass")).hexdigest()
 
 
 def _name(node: Any) -> str:

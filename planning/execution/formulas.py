@@ -1,11 +1,11 @@
 """Conditions of a domain as formulas of `reasoning` that can be printed and read back: what monitors progress.
 
-A feature that a problem gives and nothing changes, a goal's coordinates for one, is a constant; all others are read from
-states. The flag of an operator is a fluent of its objects, `executing-attach-box[uav1, b1]`; given fewer of them it is
+A feature that a problem gives, nothing changes and nothing senses, a goal's coordinates for one, is a constant; all others are
+read from states, and so are the numbers of a condition that is flagged `monitored` and would be constant otherwise. The flag of an operator is a fluent of its objects, `executing-attach-box[uav1, b1]`; given fewer of them it is
 about any action that begins with those (thesis 7.6.2). Distances are compared by their squares, since formulas have no `hypot`.
 """
 
-from collections.abc import Callable, Iterator, Mapping
+from collections.abc import Callable, Collection, Iterator, Mapping
 from dataclasses import fields, replace
 from itertools import islice
 from typing import Any, Final
@@ -44,6 +44,7 @@ class ConditionWriter:
             if one.name not in given:
                 task.fluents.add(one.name)
         task.fluents |= {one.target.name for each in declared.recoveries for those in each.assumptions for one in those}
+        task.fluents |= set(_measured(declared, task.fluents))
         self.sensed = frozenset(task.fluents)
         for name in self._operators:
             task.features[name] = model.FeatureDeclaration(name, (), model.BOOLEAN)
@@ -138,6 +139,20 @@ class ConditionWriter:
                     yield from self._parts(body, bound, is_always)
             case _:
                 yield formula, dict(env), is_always
+
+
+def _measured(declared: Declarations, fluents: Collection[str]) -> Iterator[str]:
+    """The numbers of flagged conditions that speak of nothing else that is read from states: they are measured."""
+    numbers = {one.name for one in declared.features if one.sort in model.NUMBERS and one.sorts}
+    flagged = [
+        each.formula for one in declared.operators for each in (*one.preconditions, *one.prevail) if each.monitored
+    ]
+    monitors = [*declared.monitors, *(each for one in declared.operators for each in one.monitors)]
+    for formula in (*flagged, *(each.formula for each in monitors)):
+        names = {node.name for node in tree.walk(formula) if isinstance(node, Application)}
+        is_of_flags = any(name == "EXEC" or name.startswith(EXECUTING) for name in names)
+        if not names.intersection(fluents) and not is_of_flags:
+            yield from names & numbers
 
 
 _TURNED: Final = {"<": ">", "<=": ">=", "=": "=", "!=": "!=", ">=": "<=", ">": "<"}

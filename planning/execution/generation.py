@@ -16,12 +16,12 @@ holds from that state on, in the state of the right side no longer. The thesis' 
 
 from collections.abc import Iterator, Mapping
 from dataclasses import dataclass, field
-from typing import Any, Literal, TypeAlias
+from typing import Any, Literal, NamedTuple, TypeAlias
 
 from dyknow.model.sample import Value
 from kpl.syntax.printing import print_formula
 from planning.domains import model
-from planning.domains.model import Declarations, Expression
+from planning.domains.model import Application, Declarations, Expression
 from planning.domains.sorts import free_variables
 from planning.execution.formulas import ConditionWriter, executing
 from planning.execution.links import CausalLink, causal_links
@@ -83,6 +83,35 @@ def plan_monitors(declared: Declarations, plan: MissionPlan) -> tuple[PlanMonito
         TextError: a condition has no formula.
     """
     return monitors_of(declared, expected_actions(Schemas(declared), plan))
+
+
+class UnmonitoredCondition(NamedTuple):
+    """A condition that is flagged `monitored`, and gives no monitor: all that it speaks of is given, and nothing changes it.
+
+    Attributes:
+        about: the operator; of a global monitor its name.
+    """
+
+    place: tree.Place
+    about: str
+    features: tuple[str, ...]
+
+
+def unmonitored(declared: Declarations, plan: MissionPlan) -> tuple[UnmonitoredCondition, ...]:
+    """The conditions of the actions of a plan, and the global monitors, that are flagged in vain, each once."""
+    writer = ConditionWriter(declared)
+    found: list[UnmonitoredCondition] = []
+    for action in expected_actions(Schemas(declared), plan):
+        found += _Generation(writer, action).lost()
+    made = {one.about.partition("(")[0] for one in _global(declared, writer)}
+    for monitor in declared.monitors:
+        if monitor.name not in made:
+            found.append(UnmonitoredCondition(monitor.place, monitor.name or "a monitor", _features(monitor.formula)))
+    return tuple({each.place: each for each in found}.values())
+
+
+def _features(formula: Expression) -> tuple[str, ...]:
+    return tuple(dict.fromkeys(one.name for one in tree.walk(formula) if isinstance(one, Application) and one.args))
 
 
 def monitors_of(declared: Declarations, actions: tuple[ExpectedAction, ...]) -> tuple[PlanMonitor, ...]:
@@ -162,6 +191,12 @@ class _Generation:
         for monitor in self._operator.monitors:
             formula = self._writer.written(monitor.formula, self._env, self._numbers, flag)
             yield from self._made("operator", formula, monitor.recovery)
+
+    def lost(self) -> Iterator[UnmonitoredCondition]:
+        """Its flagged conditions that give no monitor."""
+        for condition in (*self._operator.preconditions, *self._operator.prevail):
+            if condition.monitored and self._written(condition.formula) == TRUE:
+                yield UnmonitoredCondition(condition.place, self._operator.name, _features(condition.formula))
 
     def _effects(self, effect: model.Effect) -> Iterator[PlanMonitor]:
         """One monitor for each feature that a flagged effect changes; its condition counts in the first state."""

@@ -17,7 +17,7 @@ def duration_us(text: str, *, option: str, least_us: int = 0) -> int:
     Raises:
         WrongCall: if the text is no duration, has no unit, or is too short; `option` names the place.
     """
-    found = _DURATION.fullmatch(text.strip())
+    found = _DURATION.fullmatch(text.strip()) if isinstance(text, str) else None
     if found is None:
         raise WrongCall(
             f"{option}: {text!r} is not a duration; write a number and a unit, as in 200ms, 5s, 1.5min "
@@ -39,7 +39,7 @@ def instant_us(text: str, now_us: int, *, option: str) -> int:
 
     A date without a zone is UTC. Raises WrongCall if the text is none of these.
     """
-    given = text.strip()
+    given = str(text).strip()
     if given == "now":
         return now_us
     if re.fullmatch(r"[0-9]+", given):

@@ -8,14 +8,15 @@ from typing import Any, NamedTuple, Self
 
 from agents.effects import Fed, Specify
 from agents.specification.specification_part import read
-from dyknow import NO_VALUE, SURE, Quality, Value
-from dyknow.model.errors import FederationFailed, SpecificationFailed
+from dyknow import SURE, Quality, Value
+from dyknow.model.errors import FederationFailed, SpecificationFailed, WrongCall
 from dyknow.model.labels import Label
 from federation.keys import unit as unit_name
 from runtime.configuration.config import NodeConfig, NoVehicle
 from runtime.configuration.reach import client_wire, trust_files
 from runtime.library.feed import Feed
 from runtime.library.member_thread import settings_of
+from runtime.library.pushed_samples import pushed
 from runtime.process import PlatformProcess
 from runtime.vehicles import Vehicle
 
@@ -50,7 +51,7 @@ def join(
     interface: str | None = None,
     roster: str | Path | None = None,
     key: str | Path | None = None,
-    units: tuple[str, ...] = (),
+    units: str | tuple[str, ...] = (),
     extensions: str | tuple[str, ...] | None = None,
     ontology: str | Path | None = None,
 ) -> "OwnPlatform":
@@ -89,11 +90,19 @@ def join(
         wire=client_wire(settings, name),
         trust=trust_files(settings, name, None if key is None else Path(key)),
         vehicle=NoVehicle(),
-        units=units,
+        units=_modules(units),
         extensions=settings.extensions,
         ontology=settings.ontology,
     )
     return OwnPlatform(config)
+
+
+def _modules(units: object) -> tuple[str, ...]:
+    """Names of modules: one, or several."""
+    several = (units,) if isinstance(units, str | Path) else units
+    if isinstance(several, tuple | list) and all(isinstance(each, str | Path) for each in several):
+        return tuple(map(str, several))
+    raise WrongCall(f"join: units are modules, by name or path, such as units=('gas.py',); got {units!r}")
 
 
 class OwnPlatform:
@@ -249,17 +258,20 @@ class OwnPlatform:
         """
         self.declare(f"source {sort} {name}\nstrmgen {Label.parse(label or name)} = {name}")
 
-    def push(self, source: str, valid_us: int, value: Any, quality: Quality = SURE) -> None:
+    def push(self, source: str, valid_us: int | str, value: Any, quality: Quality = SURE) -> None:
         """A new sample of a source; where no stream takes the source, it is dropped.
 
         Args:
             source: its name.
-            valid_us: when it holds, federation time: `now_us` for a value of now.
+            valid_us: when it holds, federation time: `now_us`, or "now", for a value of now.
             value: a number, a text, or a tuple in the order of the sort's fields; None: no value.
             quality: its certainty, and the covariance of its fields.
+
+        Raises:
+            WrongCall: an argument is something else.
         """
-        at_us = self._process.clock.now_us()
-        self._process.mailbox.post(Fed(at_us, source, valid_us, NO_VALUE if value is None else value, quality))
+        sample = pushed(source, valid_us, value, quality, self.now_us)
+        self._process.mailbox.post(Fed(self._process.clock.now_us(), *sample))
 
     def export(self, semantic: str, stream: str, *, every: str = "100ms") -> None:
         """Offer a stream to other platforms under a semantic label, a sample each `every`.

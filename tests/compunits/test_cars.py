@@ -6,10 +6,11 @@ import pytest
 from hypothesis import assume, given
 from hypothesis import strategies as st
 
-from compunits import CAR, NO_LINK, ROAD_RELATIONS
+from compunits import CAR, NO_LINK, ROAD_RELATIONS, Subjects
 from compunits.motion import turn_deg
-from dyknow import NO_VALUE, Sample
+from dyknow import NO_VALUE, Sample, variant
 from tests.compunits.units import outputs, process, stream, value_of, values
+from tests.kpl.instances import Running
 
 ROADS = st.floats(0, 359)
 AREAS = ("l1", "no_crossing")
@@ -107,6 +108,19 @@ def test_a_class_is_formed_by_the_first_arguments_of_what_is_recognised() -> Non
     assert made == [("a",), ("a", "c"), None, ("d",)]  # a was recognised last 3602 s before
     made = values(outputs("Subjects", stream(*seen), seconds=7200))
     assert made[-1] == ("a", "c", "d")
+
+
+def test_a_class_is_empty_when_its_time_is_over_though_nothing_more_is_recognised() -> None:
+    running = Running(prototypes=(variant(Subjects, "Reckless", "object", "recognition", seconds=30),), sorts={})
+    running.add(
+        "source recognition seen\nstrmgen seen = seen\nstrmgen reckless = Reckless(seen)\nstream out = reckless\n"
+    )
+    for at_s, name in ((1, "a"), (11, "b"), (21, "a")):
+        running.push("seen", recognition(name, "z"), at_s * 1_000_000)
+    running.wait(120_000_000)
+    told = [(round(each.valid_us / 1e6, 3), each.value) for name, each in running.outputs if name == "out"]
+    assert told == [(1, ("a",)), (11, ("a", "b")), (41, ("a",)), (51, ())]
+    assert not running.faults
 
 
 def test_either_of_two_sets_is_there_before_the_other() -> None:

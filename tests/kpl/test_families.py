@@ -40,6 +40,16 @@ def test_streams_and_monitors_come_and_go_with_the_members(steps):
     assert run.state().keys() == nothing
 
 
+def test_nothing_is_declared_for_those_that_are_left_out():
+    family = "for c in ids - {car2, self} stream at = pos[c] with any change\n"
+    assert print_specification(parse_specification(family)) == family
+    run = Running(f"{CARS}{family}")
+    run.push("cars", ("car1", "car2", "7", "car3"))
+    assert set(run.instance.streams) == {"at-car1", "at-car3"}
+    run.remove(family)
+    assert not run.instance.streams
+
+
 def test_the_monitor_of_a_member_raises_its_own_alarms_and_leaves_with_them():
     run = Running(CARS + FAMILIES)
     run.push("cars", ("car2",))

@@ -18,7 +18,7 @@ from console.processes.launch import FleetPlan, clock_of, fleet_of, specified, t
 from console.processes.scheduled import with_faults
 from console.processes.standing import forget, missing, note_state, running_units, started_units
 from console.processes.supervision import GRACE_S, Fleet, end, interruptible, outlasting, uninterrupted
-from dyknow.model.errors import FederationFailed, TextError, WrongCall, did_you_mean
+from dyknow.model.errors import FederationFailed, Refused, TextError, WrongCall, did_you_mean
 from federation.members.clock import FederationClock
 from federation.members.directory import unit_order
 from runtime.configuration import run_directory
@@ -38,21 +38,27 @@ class FleetStart:
 
     Attributes:
         notes: which platforms noted it, by text.
+        rejected: why platforms run nothing of what they were to run, by unit; not of those that wait for a host.
 
     Args:
         units: the platforms that start.
         present: those that run already.
+        specified: those that start with a specification, which they take or reject.
     """
 
-    def __init__(self, units: Iterable[str], present: Iterable[str] = ()) -> None:
+    def __init__(self, units: Iterable[str], present: Iterable[str] = (), specified: Iterable[str] = ()) -> None:
         self.units = set(units)
         self._all = self.units.union(present)
         self.joined_us: dict[str, int] = {}
         self.labels: dict[str, list[str]] = {}
         self.complete_us: dict[str, int] = {}
         self.notes: dict[str, list[str]] = {}
+        self.rejected: dict[str, str] = {}
+        self._reading = set(specified)
 
     def on_heard(self, unit: str, said: dict[str, Any]) -> None:
+        if said.get("event") in {"specified", "not-specified"}:
+            self._reading.discard(unit)
         if said.get("event") == "joined":
             self.joined_us[unit] = int(said["at_us"])
             self.labels[unit] = [str(label) for label in said.get("labels", ())]
@@ -60,6 +66,8 @@ class FleetStart:
             found = {str(name) for name in said["units"]} | {unit}
             if found >= self._all:
                 self.complete_us.setdefault(unit, int(said["at_us"]))
+        elif said.get("event") == "not-specified" and not said["runs"] and not said["awaits"]:
+            self.rejected[unit] = str(said["said"])
         elif said.get("event") == "note" and unit not in (noting := self.notes.setdefault(str(said["text"]), [])):
             noting.append(unit)
 
@@ -67,8 +75,10 @@ class FleetStart:
         return self.joined_us.keys() >= self.units
 
     def all_found(self) -> bool:
-        """Every platform has joined and has found every other."""
-        return self.all_joined() and (len(self._all) == 1 or self.complete_us.keys() >= self.units)
+        """Every platform has joined, has found every other and has read its specification."""
+        return (
+            self.all_joined() and not self._reading and (len(self._all) == 1 or self.complete_us.keys() >= self.units)
+        )
 
     @property
     def discovery_ms(self) -> int:
@@ -172,6 +182,9 @@ def _run(call: Call, fleet: Fleet, configs: list[NodeConfig], present: list[str]
     with interruptible():
         try:
             gathering = gathered(call, fleet, configs, started_units(fleet.directory))
+            if gathering.rejected.keys() >= gathering.units:
+                first = min(gathering.rejected, key=unit_order)
+                raise Refused(f"every platform rejects the specification:\n{gathering.rejected[first]}", "text")
             note_state(fleet, configs, stays=not detach)
             if not detach:
                 outlasting(call.out)
@@ -222,7 +235,8 @@ def _checked_scenario(name: str, simulated: int) -> None:
 
 def gathered(call: Call, fleet: Fleet, configs: list[NodeConfig], present: Iterable[str] = ()) -> FleetStart:
     """Start them and wait until each has found all others, those `present` included; raises FederationFailed."""
-    gathering = FleetStart([config.unit for config in configs], present)
+    reading = [config.unit for config in configs if config.spec is not None]
+    gathering = FleetStart([config.unit for config in configs], present, reading)
     for group in together(configs):
         fleet.start_together({config.unit: config.model_dump_json() for config in group})
     with call.out.waiting(f"{len(configs)} platforms are looking for each other"):

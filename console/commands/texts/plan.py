@@ -64,13 +64,21 @@ def _monitors(
     call: Call, domain: "Declarations", problem: "Declarations", found: "PlanFound", *files: Path
 ) -> "tuple[PlanMonitor, ...]":
     """The monitors of a plan; hints on them are notes."""
-    from planning.execution.generation import plan_monitors
+    from planning.execution.generation import plan_monitors, unmonitored
     from planning.execution.hints import monitor_hints
 
     for hint in monitor_hints(domain.joined(problem)):
         where = f"{files[hint.is_goal]}:{hint.place.line}:{hint.place.column}"
         call.out.note(f"hint: {where}: {hint.message}\n    write: {hint.repair}")
-    return plan_monitors(domain.joined(problem), found.plan)
+    joined = domain.joined(problem)
+    for lost in unmonitored(joined, found.plan):
+        given = ", ".join(lost.features) or "all that it speaks of"
+        call.out.note(
+            f"not monitored: {files[0]}:{lost.place.line}:{lost.place.column}: this condition of {lost.about} is always "
+            f"so: {given} is given with #init, nothing changes it and nothing senses it\n"
+            f"    write: #sensed, a default instead of #init, or no `monitored`"
+        )
+    return plan_monitors(joined, found.plan)
 
 
 def _read(domain: Path, problem: Path) -> "tuple[Declarations, Declarations]":

@@ -8,6 +8,7 @@ from hypothesis import strategies as st
 
 from agents.effects import DropHost, HostCame, HostSaid
 from agents.hosts.host_desk import MAX_HOSTS, SILENT_US
+from agents.specification.declared_streams import DeclaredStreams
 from dyknow import (
     Label,
     Policy,
@@ -20,7 +21,7 @@ from dyknow import (
     of_values,
     prototypes_in,
 )
-from dyknow.model.errors import TextErrors, ValueNotAvailable
+from dyknow.model.errors import TextErrors, UnknownLabel, ValueNotAvailable
 from dyknow.network.refinement import RefinementProcess
 from federation.hosts.messages import KEPT, WINDOW, Begin, Chain, End, HostInputs, Want
 from kpl import parse_specification
@@ -405,3 +406,26 @@ def test_the_sorts_of_a_host_are_those_that_its_module_declares_and_its_values_a
     assert site.network.generator(Label("gas")).sort == PERCENT
     with pytest.raises(TextErrors, match="the sort gas is declared already, as gas in percent"):
         site.instance.change(parse_specification(f"{text}sort gas in ppm\n"), site.now_us)
+
+
+def test_a_stream_of_a_host_is_asked_for_by_its_own_label_while_the_host_is_there() -> None:
+    site = Site()
+    guest = site.open(SourcePrototype("gauge", "number", label="level[self]"))
+    asked = DeclaredStreams("0", site.network, Unshared(), Unshared(), site.instance)
+    assert asked.find("1", "level[self]") == asked.find("1", "level[0]") == Label("level", ("0",))
+    site.network.add_source(Label("inner"), Sort("number"))
+    with pytest.raises(UnknownLabel):
+        asked.find("1", "inner")
+    site.leave(guest)
+    with pytest.raises(UnknownLabel):
+        asked.find("1", "level[self]")
+
+
+class Unshared:
+    """Translation and agreements of a platform that shares nothing under semantic labels."""
+
+    def check_stream(self, *_who) -> None:
+        """Anybody may ask."""
+
+    def semantic_label(self, *_what) -> None:
+        """None."""

@@ -2,7 +2,9 @@
 
 import pytest
 
+from dyknow import Policy
 from dyknow.model.errors import TextError
+from kpl import parse_specification
 from tests.kpl.instances import Running
 
 BEFORE = """\
@@ -86,3 +88,10 @@ def test_a_name_is_the_object_that_streams_are_called_by() -> None:
     running.push("seen", "car5", 200_000)
     running.wait(3_000_000)
     assert [alarm.event for alarm in running.alarms][:1] == ["opened"]
+
+
+def test_a_monitor_over_the_most_recent_values_has_the_usual_period_delay_and_grid() -> None:
+    (declared,) = parse_specification("monitor m = v > 3 with use most recent")
+    (longer,) = parse_specification("monitor m = v > 3 with sample every 1s, use most recent")
+    assert str(declared.policy) == str(Policy.parse("sample every 100, max delay 1s, from 0, use most recent"))
+    assert (longer.policy.sample_us, longer.policy.max_delay_us, longer.policy.from_us) == (1_000_000, 1_000_000, 0)

@@ -43,14 +43,20 @@ def repaired(text: str, error: TextError) -> Iterator[str]:
         yield "\n".join([*lines[:at], *way, *lines[at + 1 :]])
 
 
+def is_other(now: list[TextError], before: list[TextError]) -> bool:
+    """Whether the error that was repaired is gone, and another has come to light behind it."""
+    return len(now) == len(before) == 1 and now[0].message != before[0].message
+
+
 def mended(text: str) -> str | None:
     """The text with one repair after the other done until nothing is wrong; None if one of them mends nothing."""
     for _ in range(MOST):
         errors = errors_of(text)
         if not errors:
             return text
-        better = (each for each in repaired(text, errors[0]) if len(errors_of(each)) < len(errors))
-        found = next(better, None)
+        ways = [(each, errors_of(each)) for each in repaired(text, errors[0])]
+        fewer = (each for each, left in ways if len(left) < len(errors))
+        found = next(fewer, None) or next((each for each, left in ways if is_other(left, errors)), None)
         if found is None:
             return None
         text = found

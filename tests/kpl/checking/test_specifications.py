@@ -58,7 +58,7 @@ def test_the_car_example_is_right() -> None:
         ("strmgen pos[uav2] = Est", "Est is a unit, which takes streams", "Est(pos)"),
         ("strmgen pos[uav2] = gps(pos[uav1])", "gps is a source, which takes no streams", "gps"),
         ("strmgen a = Ets(pos[uav1])", "Ets is no computational unit that is declared", "Est"),
-        ("strmgen a = Est(pos[uav1], pos[uav1])", "Est takes 1 stream (pos), not 2", "Est(pos)"),
+        ("strmgen a = Est(pos[uav1], pos[uav1])", "Est takes 1 stream (pos), not 2", "Est(pos[uav1])"),
         ("strmgen a = Fuse(pos[uav1])", "Fuse takes 2 streams (pos, pos), not 1", "Fuse(pos, pos)"),
         ("strmgen a = Est(speed[uav1])", "Est takes pos here; speed[uav1] is speed", "a stream of pos"),
         ("strmgen a = Est(battery[uav1])", "Est takes pos here; battery[uav1] is fraction", "a stream of pos"),

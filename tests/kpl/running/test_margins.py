@@ -117,7 +117,8 @@ def test_formulas_may_speak_of_margins() -> None:
 
 def test_what_is_no_comparison_of_numbers_has_no_margin() -> None:
     running = Running(
-        BASE + "monitor on = always v[car1] with sample every 10, max delay 10\nstream far = margin[on]\n"
+        BASE.replace("number", "flag")
+        + "monitor on = always v[car1] with sample every 10, max delay 10\nstream far = margin[on]\n"
     )
     running.push("raw", True)
     running.push("raw", True)

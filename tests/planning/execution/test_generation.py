@@ -8,7 +8,7 @@ from hypothesis import strategies as st
 
 from kpl.syntax.parsing import parse_formula
 from planning import parse_domain
-from planning.execution.generation import plan_monitors
+from planning.execution.generation import plan_monitors, unmonitored
 from reasoning import make_progression
 from tests.planning.execution.crane import DOMAIN, domain, monitors, planned
 from tests.planning.logistics import domain as logistics
@@ -170,3 +170,32 @@ def test_a_plan_with_nothing_to_do_has_global_monitors_alone() -> None:
     )
     assert plan.actions == ()
     assert [one.kind for one in plan_monitors(declared, plan)] == ["global"]
+
+
+POWER = """#domain robot
+#domain place
+#feature power(robot) : fp
+#feature linked(robot, place) : boolean
+#feature at(robot) : fp = 0
+#operator go(robot, place)
+  :timeconstraint 2s <= end - start <= 2s
+  :precond monitored [start] linked(robot, place)
+  :prevail monitored [start, end] power(robot) >= 10
+  :effects [end] at(robot) := 1
+"""
+POWERED = """#objects robot = {r1}
+#objects place = {p1}
+#init power(r1) := 90, linked(r1, p1)
+#goal there: at(r1) == 1
+"""
+
+
+def test_a_measured_number_is_monitored_though_the_problem_gives_it_and_what_gives_no_monitor_is_named() -> None:
+    declared, plan = planned(parse_domain(POWER), POWERED)
+    assert [(one.kind, one.text) for one in plan_monitors(declared, plan)] == [
+        ("prevail", "(executing-go[r1, p1] and power[r1] >= 10) until not executing-go[r1, p1]")
+    ]
+    assert [(one.place.line, one.about, one.features) for one in unmonitored(declared, plan)] == [
+        (8, "go", ("linked",))
+    ]
+    assert unmonitored(*planned(domain())) == ()

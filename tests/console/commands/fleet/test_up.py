@@ -37,6 +37,19 @@ def test_a_note_is_told_once_with_those_whose_it_is(gathering: FleetStart, capsy
     assert (caught.out, caught.err) == ("", f"platforms 0, 1: {OPEN}\nplatform 1: position ok\n")
 
 
+def test_who_rejects_its_specification_is_known_unless_it_waits_for_a_host(gathering: FleetStart) -> None:
+    said = {
+        "event": "not-specified",
+        "file": "a.kpl",
+        "said": "a.kpl:1:1: nothing makes x",
+        "runs": False,
+        "awaits": [],
+    }
+    gathering.on_heard("0", said)
+    gathering.on_heard("1", said | {"awaits": ["x"]})
+    assert gathering.rejected == {"0": "a.kpl:1:1: nothing makes x"}
+
+
 def test_the_notes_of_one_that_starts_alone_need_no_name(capsys: pytest.CaptureFixture[str]) -> None:
     alone = FleetStart(["7"])
     alone.on_heard("7", {"event": "note", "unit": "7", "text": OPEN, "at_us": 1})
