@@ -237,7 +237,7 @@ class Subjects:
         return min(self._named_us.values()) + self._span_us + 1 if self._named_us else None
 
     def on_time(self, now_us: int) -> Value:
-        """The class without those that were named too long ago; an empty one is told."""
+        """The class without those that were named too long ago; an empty one is reported."""
         before = tuple(self._named_us)
         members = self._kept(now_us)
         return None if members == before else members

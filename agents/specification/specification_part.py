@@ -53,8 +53,7 @@ SPECIFICATION: Final = Service("specification", "gateway")
 OWNER = "specification"
 PERIOD_US = 100_000
 MAX_DELAY_US = 1_000_000
-LONGEST_NAME = 64
-"""Of a monitor, which other platforms see."""
+LONGEST_NAME = 64  # of a monitor, which other platforms see
 
 
 @lru_cache(maxsize=4)

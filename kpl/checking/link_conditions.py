@@ -170,7 +170,7 @@ class ConditionChecker(FormulaChecker):
             objects = [end if one == name else str(one) for one in label.objects]
             self.error(f"nothing is called {name}", node.place, tree.label_text(node.stem, objects))
         elif not label.objects and self._is_attribute(node, label):
-            self.error(f"{label} is an attribute of objects: say of which", node.place, f"{label.feature}[{FROM}]")
+            self.error(f"{label} is an attribute of objects: name the object", node.place, f"{label.feature}[{FROM}]")
         elif variables & _ENDS and not self._has_stream(node, label, variables):
             names = [each for each in self._labels if each != label]
             self._unmade(f"nothing makes {label}", node.place, label, self._collector.closest(str(label), names), "")

@@ -174,7 +174,7 @@ class Makers:
                 continue
             fields = [f"{stem(Label(name))}.{one.name}" for one in self._fields(stem(Label(name)))]
             near = errors.closest(name, [*fields, *self._features, *self._attributes()])
-            said = f"nothing here makes {name}, of which chronicles of {declared.path} speak"
+            said = f"nothing here makes {name}, and chronicles of {declared.path} speak of it"
             yield errors.located(said, declared, f"{near}, there" if near else f"strmgen {name}[...] = ...")
 
     def _brings(self, name: str) -> bool:

@@ -13,7 +13,7 @@ from kpl.diagnostics.languages import table
 LONGEST: Final = 400
 """Characters of a statement that is tried to be repaired."""
 _FAR: Final = 3
-"""So many words before the place of an error may be the misspelt one."""
+"""Words before the place of an error that may be the misspelt one."""
 _CUTOFF: Final = 0.7
 _SHORTEST: Final = 4
 """Shorter words are near too many."""

@@ -30,7 +30,7 @@ MEANINGS: Final[Mapping[str, str]] = {
 LAST = 32
 """Samples from which the rate and delay of a stream are computed."""
 REGULAR: Final = 4
-"""So many gaps between samples tell whether they come regularly: the longest is at most twice the shortest."""
+"""Gaps between samples that show whether they come regularly: the longest is at most twice the shortest."""
 SAMPLE_BYTES = 250
 """What a sample of a few numbers takes in a history, about."""
 SORT: Final = Sort("figure")

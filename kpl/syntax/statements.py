@@ -389,7 +389,7 @@ class _StatementReader(FormulaReader):
     def _policy(self, constraints: Sequence[Any], usual: Mapping[str, str] = _NONE) -> Policy:
         """One reader for policies wherever they stand: here it gets the words of the constraints, without comments.
 
-        `usual` stands for what is left out where the most recent value is used.
+        `usual` has the constraints of those not given where the most recent value is used.
         """
         if not constraints:
             return spec.ANY_UPDATE

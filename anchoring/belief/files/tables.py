@@ -47,7 +47,7 @@ class TomlText:
             raise TextErrors((self._error(why, example),)) from None
 
     def wrong(self, path: Sequence[str], message: str, repair: str) -> None:
-        """Note an error at a key; further ones are not told."""
+        """Note an error at a key; further ones are not noted."""
         if len(self.errors) >= MOST_ERRORS:
             return
         line = self._line(tuple(path))

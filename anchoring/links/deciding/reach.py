@@ -12,7 +12,7 @@ from anchoring.links.specification import LinkSpecification
 from anchoring.links.states import ObjectState
 
 _ALONE: Final = 0.5
-"""The score of being none of the known objects, where that is weighed: a doubtful pair rather than none."""
+"""The score of being none of the known objects, where that is weighed: an unlikely pair rather than none."""
 
 
 class Reach:
