@@ -4,7 +4,9 @@ Positions are metres in a local frame, x to the east and y to the north; directi
 units are made to be put one behind the other:
 
     seen car -> `CarOnRoad` -> car
-    car[a], car[b] -> a state of both, of what was observed lately -> `RoadOffset` -> `SmoothOffset` -> `RoadRelations` -> `StableFields`
+    car[a], car[b] -> a state of both -> `RoadOffset` -> `SmoothOffset` -> `RoadRelations` -> `StableFields`
+
+The state has `max age`, so that the relations of a car end when it leaves the view.
 
 Raw relations, for comparison, are made with `CarByStep` in the place of `CarOnRoad`, and without the two filters
 `SmoothOffset` and `StableFields`: an error of the positions turns cars round, and near a border relations come and go.
@@ -81,7 +83,7 @@ class CarOnRoad:
         self._from: tuple[float, float] | None = None
         self._latest_us = 0
         self._is_along: bool | None = None
-        self._road_deg = 0.0
+        self._road_deg, self._link = 0.0, ""
 
     def __call__(self, _now_us: int, sample: Sample) -> Value:
         value = sample.value
@@ -95,8 +97,8 @@ class CarOnRoad:
             return None
         self._latest_us = sample.valid_us
         if self._is_along is not None and math.cos(math.radians(road_deg - self._road_deg)) < 0.0:
-            self._is_along = not self._is_along
-        self._road_deg = road_deg
+            self._is_along = not self._is_along if value[4] == self._link else self._onto(not self._is_along)
+        self._road_deg, self._link = road_deg, value[4]
         east_m, north_m = x_m - self._from[0], y_m - self._from[1]
         if math.hypot(east_m, north_m) >= self._least_m:
             road = math.radians(road_deg)
@@ -108,6 +110,10 @@ class CarOnRoad:
         forward_deg = wrapped_deg(road_deg if is_along else road_deg + 180.0)
         return value[0], x_m, y_m, forward_deg, *value[4 : len(CAR.fields)]
 
+    def _onto(self, is_along: bool) -> bool | None:
+        """Whether it drives along the next link, which is drawn the other way round; None: that is assumed as at the beginning."""
+        return is_along
+
     def _assumed(self, _road_deg: float) -> bool | None:
         """Whether it drives along the segment, before it has moved enough; None: that is not known."""
         return None
@@ -117,11 +123,15 @@ class CarOnRoad:
 class CarInLane(CarOnRoad):
     """As `CarOnRoad`, where `road_deg` is the direction of the lane, as `OnMap` has it: known before the car has moved.
 
-    Until it has moved by `metres` it drives as the lanes lead, on the mean, in which it was seen: so what queues has a direction.
+    Until it has moved by `metres`, and after a sharp turn onto another link, its direction is the mean of the lanes in which it
+    was seen. So a car that queues has a direction.
     """
 
     def __init__(self, metres: float = 20.0) -> None:
         super().__init__(metres)
+        self._east = self._north = 0.0
+
+    def _onto(self, is_along: bool) -> None:  # noqa: ARG002  (the lane says it)
         self._east = self._north = 0.0
 
     def _assumed(self, road_deg: float) -> bool:

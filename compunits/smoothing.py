@@ -143,7 +143,7 @@ class StabilityFilter:
 class StableFields:
     """Each component of a record by itself as by a `StabilityFilter`; nothing before each has passed once.
 
-    A record that has had no value for `seconds` has none: what it was is no longer known, and begins again.
+    After `seconds` without a value the output has none either, and each component has to be stable again before it passes.
 
     Args:
         seconds: of valid time; where a sample has another number of components, there is no output.
@@ -193,11 +193,11 @@ class StableFields:
 
 @computational_unit("?sort", "?sort")
 class Observed:
-    """What was observed, and nothing that is predicted or uncertain: an object of a link while a percept shows it.
+    """Samples that are measured and certain; predicted ones are left out, such as those of a linked object that no percept shows.
 
     Args:
         seconds: a prediction passes that was made at most so long before its time.
-        certainty: what is less certain does not pass.
+        certainty: the least certainty of a sample that passes.
     """
 
     def __init__(self, seconds: float = 0.0, certainty: float = 0.9) -> None:

@@ -1,21 +1,20 @@
-"""Queries on dormant streams: a query activates the stream for 30 s; its first sample is the answer.
+"""Queries on streams without a sample: a query activates the stream for 30 s; its first sample is the answer.
 
 What is exported is computed only while it has a subscriber (thesis 3.3.6). Where nothing of the past can be had of
-it, as of a camera that is read on demand, a query would otherwise never be answered. Node clock.
+it, as of a camera that is read on demand, a query would otherwise never be answered; and the sensors of a vehicle that
+has only started have given nothing. Node clock.
 """
 
 from collections.abc import Callable
 from dataclasses import dataclass, field
-from typing import TypeAlias
+from typing import NamedTuple, TypeAlias
 
 from agents.exchange.gateway import Gateway
-from agents.interface import InterfaceAgent
 from dyknow import US_PER_S, Label, Policy, Sample, Subscription
 from dyknow.model.errors import DyknowError
 from federation.members.clock import FederationClock
 from federation.members.deadlines import Deadlines
-from federation.messages.acts import Act, Performative
-from federation.messages.contents import Query, QueryStream, Reason
+from federation.messages.contents import Query, QueryStream
 
 StreamQuery: TypeAlias = Query | QueryStream
 """By a semantic label, or by the label that the instance has for the stream."""
@@ -26,29 +25,30 @@ PATIENCE_US = 1_000_000
 MOST = 64
 
 
+class PendingQuery(NamedTuple):
+    """A query that the first sample answers: `answered` is called when it is there, `failed` with why it did not come."""
+
+    answered: Callable[[int], None]
+    failed: Callable[[str, int], None]
+
+
 @dataclass(slots=True)
 class ActivatedStream:
     """One stream that is kept for queries, and the queries that its first sample answers."""
 
     subscription: Subscription
-    asked: list[tuple[Act, StreamQuery]] = field(default_factory=list)
+    waiting: list[PendingQuery] = field(default_factory=list)
     due_us: int = 0
 
 
 class DormantStreams:
-    """The streams that queries activated on one platform; `respond` answers a query from what is held.
+    """The streams that queries activated on one platform.
 
     One whose subscribers take nothing of it, since its samples lie off their grid, is dormant to a query, too.
     """
 
-    def __init__(
-        self,
-        clock: FederationClock,
-        agent: InterfaceAgent,
-        gateway: Gateway,
-        respond: Callable[[Act, StreamQuery, int], None],
-    ) -> None:
-        self._clock, self._agent, self._gateway, self._respond = clock, agent, gateway, respond
+    def __init__(self, clock: FederationClock, gateway: Gateway) -> None:
+        self._clock, self._gateway = clock, gateway
         self._kept: dict[str | Label, ActivatedStream] = {}
         self._due: Deadlines[str | Label] = Deadlines()
 
@@ -56,33 +56,32 @@ class DormantStreams:
     def deadline_us(self) -> int | None:
         return self._due.next_us
 
-    def activate(self, act: Act, query: StreamQuery, label: str | Label, now_us: int) -> bool:
-        """Keep the stream from now on, if it is dormant; whether the query will be answered by what comes."""
+    def activate(self, query: StreamQuery, label: str | Label, waiting: PendingQuery, now_us: int) -> bool:
+        """Keep the stream from now on, if nothing is held of it; whether the query will be answered by what comes."""
         kept = self._kept.get(label)
         if kept is None or not kept.subscription.active:
             generator = self._gateway.network.find(self._gateway.local(label))
-            if generator is None or generator.owner is None or len(self._kept) >= MOST:
+            if generator is None or len(self._kept) >= MOST:
                 return False
-            if generator.subscriptions and generator.history.get_size():
+            if (generator.subscriptions or generator.owner is None) and generator.history.get_size():
                 return False
             kept = self._kept[label] = ActivatedStream(
                 generator.subscribe(Policy(), lambda sample: self._take(label, sample))
             )
         kept.due_us = now_us + AWAKE_US
-        waits = query.op == "latest" and len(kept.asked) < MOST
+        waits = query.op == "latest" and len(kept.waiting) < MOST
         if waits:
-            kept.asked.append((act, query))
-        self._due.set(label, now_us + PATIENCE_US if kept.asked else kept.due_us)
+            kept.waiting.append(waiting)
+        self._due.set(label, now_us + PATIENCE_US if kept.waiting else kept.due_us)
         return waits
 
     def on_time(self, now_us: int) -> None:
         """Fail queries whose time is over; streams without recent queries are dormant again."""
         for label in self._due.pop_due(now_us):
             kept = self._kept[label]
-            asked, kept.asked = kept.asked, []
-            for act, _ in asked:
-                text = f"{label} was dormant, and brought nothing within {PATIENCE_US / US_PER_S:g} s"
-                self._agent.answer(act, Performative.FAILURE, Reason(text=text), now_us)
+            waiting, kept.waiting = kept.waiting, []
+            for each in waiting:
+                each.failed(f"{label} had no sample, and none came within {PATIENCE_US / US_PER_S:g} s", now_us)
             if now_us >= kept.due_us or not kept.subscription.active:
                 del self._kept[label]
                 kept.subscription.cancel()
@@ -91,13 +90,13 @@ class DormantStreams:
 
     def _take(self, label: str | Label, sample: Sample) -> None:
         kept = self._kept[label]
-        if not kept.asked:
+        if not kept.waiting:
             return
         now_us = self._clock.wall_us(sample.available_us)
-        asked, kept.asked = kept.asked, []
+        waiting, kept.waiting = kept.waiting, []
         self._due.set(label, kept.due_us)
-        for act, query in asked:
+        for each in waiting:
             try:
-                self._respond(act, query, now_us)
+                each.answered(now_us)
             except DyknowError as refused:
-                self._agent.answer(act, Performative.FAILURE, Reason(text=str(refused)), now_us)
+                each.failed(str(refused), now_us)

@@ -3,7 +3,7 @@
 Semantic labels and their units end here; below, the instance knows its own labels and units only.
 """
 
-from collections.abc import Iterable
+from collections.abc import Callable, Iterable
 from difflib import SequenceMatcher
 
 from agents.exchange.export_proxy import ExportProxy
@@ -28,6 +28,10 @@ def stream_policy(period_s: float, delay_s: float, from_us: int | None = None, t
         from_us=0 if from_us is None else from_us,
         to_us=to_us,
     )
+
+
+def _same(sample: Sample) -> Sample:
+    return sample
 
 
 def _too_early(semantic_label: str | Label, start_us: int, at_us: int, now_us: int) -> ValueNotAvailable:
@@ -92,7 +96,7 @@ class Gateway:
             UnknownLabel, ValueNotAvailable
         """
         found = self.network.snapshot(self.local(semantic_label, unit)).get_latest_vtime()
-        return self._semantic(semantic_label, found)
+        return self._to_semantic(semantic_label)(found)
 
     def at(self, semantic_label: str | Label, at_us: int, now_us: int, unit: str | None = None) -> Sample:
         """The sample most recent at a time, of those available now (Def. 4.3.11), in semantic units.
@@ -115,7 +119,7 @@ class Gateway:
             if not later:
                 raise
             raise _too_early(semantic_label, later[0].valid_us, at_us, now_us) from None
-        return self._semantic(semantic_label, found)
+        return self._to_semantic(semantic_label)(found)
 
     def between(
         self, semantic_label: str | Label, from_us: int, to_us: int, now_us: int, unit: str | None = None
@@ -127,7 +131,7 @@ class Gateway:
         start_us = history.starts_us
         if start_us is not None and from_us < start_us:
             raise _too_early(semantic_label, start_us, from_us, now_us)
-        return [self._semantic(semantic_label, sample) for sample in history.get_between(from_us, to_us)]
+        return list(map(self._to_semantic(semantic_label), history.get_between(from_us, to_us)))
 
     def nth_latest(self, semantic_label: str | Label, n: int) -> Sample:
         """The n-th sample before the latest by available time, in semantic units; the 0-th is the latest.
@@ -135,7 +139,7 @@ class Gateway:
         Raises:
             UnknownLabel, ValueNotAvailable
         """
-        return self._semantic(semantic_label, self.network.snapshot(self.local(semantic_label)).get_nth_latest(n))
+        return self._to_semantic(semantic_label)(self.network.snapshot(self.local(semantic_label)).get_nth_latest(n))
 
     def last(self, semantic_label: str | Label, n: int) -> list[Sample]:
         """The last `n` samples as they became available, oldest first; fewer if fewer are held."""
@@ -149,7 +153,7 @@ class Gateway:
             UnknownLabel, ValueNotAvailable
         """
         history = self.network.snapshot(self.local(semantic_label))
-        return [self._semantic(semantic_label, sample) for sample in history.get_slice(i, j)]
+        return list(map(self._to_semantic(semantic_label), history.get_slice(i, j)))
 
     def sort(self, semantic_label: str | Label) -> Sort:
         """Of its values, as they are reported."""
@@ -159,7 +163,7 @@ class Gateway:
             raise self._unknown(semantic_label)
         return self.ontology[semantic_label].sort
 
-    def _semantic(self, semantic_label: str | Label, sample: Sample) -> Sample:
+    def _to_semantic(self, semantic_label: str | Label) -> Callable[[Sample], Sample]:
         if isinstance(semantic_label, Label):
-            return sample
-        return self.translation.to_semantic(semantic_label).sample(sample)
+            return _same
+        return self.translation.to_semantic(semantic_label).sample

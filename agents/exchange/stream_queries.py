@@ -12,13 +12,13 @@ from typing import Any
 from agents.actions import FEDERATION, QUERIED, Action, Offer, Role
 from agents.admission.trusted import PlatformTrust
 from agents.exchange import readings
-from agents.exchange.dormant import DormantStreams, StreamQuery
+from agents.exchange.dormant import DormantStreams, StreamQuery, PendingQuery
 from agents.exchange.gateway import PAGE, Gateway
 from agents.exchange.label_agreements import LabelAgreements
 from agents.interface import InterfaceAgent
 from agents.part import Part
 from dyknow import NO_VALUE, Label, NoValue, Sample, Sort, Value, as_json
-from dyknow.model.errors import DyknowError, Refused, ValueNotAvailable
+from dyknow.model.errors import DyknowError, ValueNotAvailable
 from dyknow.model.values import LARGEST
 from federation.members.clock import FederationClock
 from federation.members.directory import DirectoryEntry, DirectoryFacilitator
@@ -79,7 +79,7 @@ class StreamQueries(Part):
     ) -> None:
         self._agreements, self._declared, self._trust = agreements, declared, platform_trust
         self._unit, self._clock, self._agent, self._directory, self._gateway = unit, clock, agent, directory, gateway
-        self._dormant = DormantStreams(clock, agent, gateway, self._respond)
+        self._dormant = DormantStreams(clock, gateway)
 
     @property
     def deadline_us(self) -> int | None:
@@ -112,7 +112,11 @@ class StreamQueries(Part):
         try:
             self._respond(act, query, now_us)
         except ValueNotAvailable:
-            if not self._dormant.activate(act, query, label, now_us):
+            waiting = PendingQuery(
+                lambda at_us: self._respond(act, query, at_us),
+                lambda why, at_us: self._agent.answer(act, Performative.FAILURE, Reason(text=why), at_us),
+            )
+            if not self._dormant.activate(query, label, waiting, now_us):
                 raise
 
     def _respond(self, act: Act, query: StreamQuery, now_us: int) -> None:
@@ -152,13 +156,31 @@ class StreamQueries(Part):
         gathering.missing.update(
             dict.fromkeys(kept, f"{query.semantic_label} is exported to others, not to {act.sender.unit}")
         )
-        try:
-            gathering.answers[self._unit] = self._local(query, query.semantic_label, now_us)
-        except (Refused, ValueNotAvailable, DyknowError) as refused:
-            gathering.missing[self._unit] = str(refused)
+        self._ask_here(gathering, local, now_us)
         for unit in others:
             self._ask_one(gathering, unit, local, now_us)
         self._conclude(gathering, now_us)
+
+    def _ask_here(self, gathering: Gathering, query: Query, now_us: int) -> None:
+        def on_sample(at_us: int) -> None:
+            gathering.answers[self._unit] = self._local(query, query.semantic_label, at_us)
+            gathering.waiting.discard(self._unit)
+            self._conclude(gathering, at_us)
+
+        def on_silence(why: str, at_us: int) -> None:
+            gathering.missing[self._unit] = why
+            gathering.waiting.discard(self._unit)
+            self._conclude(gathering, at_us)
+
+        try:
+            gathering.answers[self._unit] = self._local(query, query.semantic_label, now_us)
+        except ValueNotAvailable as absent:
+            if self._dormant.activate(query, query.semantic_label, PendingQuery(on_sample, on_silence), now_us):
+                gathering.waiting.add(self._unit)
+            else:
+                gathering.missing[self._unit] = str(absent)
+        except DyknowError as refused:
+            gathering.missing[self._unit] = str(refused)
 
     def _ask_one(self, gathering: Gathering, unit: str, query: Query, now_us: int) -> None:
         def on_reply(reply: Act, answer: Content | None, at_us: int) -> None:

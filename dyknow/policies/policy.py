@@ -144,10 +144,13 @@ class Policy:
         return isinstance(self.from_us, RelativeInstant) or isinstance(self.to_us, RelativeInstant)
 
     @property
-    def is_of_states(self) -> bool:
-        """Whether a constraint needs the inputs of states, and means nothing of another stream."""
-        timed = (self.delay_before_us, self.max_age_us) != (None, None)
-        return timed or self.change in {"all updated", "all changed"}
+    def of_states(self) -> str:
+        """The words of a constraint that needs the inputs of states, and means nothing of another stream; empty: there is none."""
+        if self.delay_before_us is not None:
+            return "delay before approximation"
+        if self.max_age_us is not None:
+            return "max age"
+        return self.change if self.change in {"all updated", "all changed"} else ""
 
     def at(self, now_us: int) -> "Policy":
         """The policy, declared at `now_us`: relative bounds become instants.

@@ -8,6 +8,7 @@ from dyknow.model.instants import US_PER_S, print_duration, print_instant, print
 from dyknow.model.labels import Label
 from dyknow.model.values import Field
 from kpl.checking.error_collector import DeclarationErrors
+from kpl.checking.link_conditions import is_of_end
 from kpl.checking.lint import remarks
 from kpl.checking.needs import NOTHING, conditions_of, domains_of, label_of
 from kpl.checking.streams import Streams
@@ -149,9 +150,14 @@ class Makers:
         self._features = {*map(stem, symbols.labels()), *self._by_name, spec.RECOGNISED}
 
     def unread(self, formula: Formula, errors: DeclarationErrors) -> Iterator[TextError]:
-        """Of features of objects that nothing is called like; names without objects may be more than features."""
+        """Of features of objects that nothing is called like; names without objects may be more than features.
+
+        What is of one end of a link was looked at as a condition.
+        """
         for node in walk(formula):
-            if not isinstance(node, Feature) or not node.objects or self._streams.is_about_objects(label_of(node)[0]):
+            if not isinstance(node, Feature) or not node.objects or is_of_end(label_of(node)[0]):
+                continue
+            if self._streams.is_about_objects(label_of(node)[0]):
                 continue
             if node.name.partition(".")[0] not in self._features:
                 name, names = node.name, [*self._features]

@@ -318,15 +318,13 @@ class Compiler:
 
     def _check_policy(self, node: Node, policy: Policy, *, of_states: bool = False) -> None:
         """Periods that are kept, and constraints that mean something here (Def. 7.8.4: of states)."""
-        if policy.is_of_states and not of_states:
+        if policy.of_states and not of_states:
             asked = replace(
                 policy, delay_before_us=None, max_age_us=None, change="sample" if policy.sample_us else "any update"
             )
-            timed = "max age" if policy.delay_before_us is None else "delay before approximation"
-            wrong = policy.change if policy.delay_before_us is None and policy.max_age_us is None else timed
             raise located(
                 node,
-                f"`{wrong}` is a constraint of states, and means nothing for another stream",
+                f"`{policy.of_states}` is a constraint of states, and means nothing for another stream",
                 f"with {asked}" if asked != Policy() else "nothing: leave it out",
             )
         if self.admission == "longer":

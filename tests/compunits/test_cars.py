@@ -57,6 +57,21 @@ def test_what_stands_keeps_its_direction_and_what_comes_late_gives_nothing() -> 
     assert [each and each[3] for each in made] == [None, None, *[90.0] * 11, None]
 
 
+def test_a_segment_that_is_drawn_the_other_way_round_turns_no_car() -> None:
+    seen = [(at, ("c", 15.0 * at, 0.0, 90.0 if at < 5 else 270.0, f"l{at // 5}", "no_crossing")) for at in range(9)]
+    made = values(outputs("CarOnRoad", stream(*seen)))
+    assert [each and each[3] for each in made] == [None, None, *[90.0] * 7]
+
+
+def test_what_queues_drives_as_its_lane_leads_until_its_motion_says_otherwise() -> None:
+    lanes = [270.0, 90.0, 270.0, 270.0]  # an error of the position puts it into the other lane once
+    queueing = [(at, ("c", 0.0, 2.0, lane_deg, *AREAS)) for at, lane_deg in enumerate(lanes)]
+    passing = [(4 + at, ("c", 25.0 * (1 + at), 2.0, 270.0, *AREAS)) for at in range(2)]  # on the lane of the others
+    turned = [(6, ("c", 50.0, -3.0, 160.0, "l9", "no_crossing"))]  # sharply onto another link
+    made = values(outputs("CarInLane", stream(*queueing, *passing, *turned)))
+    assert [each[3] for each in made] == [*[270.0] * 4, *[90.0] * 2, 160.0]
+
+
 @given(ROADS, st.floats(-200, 200), st.floats(-200, 200))
 def test_figure_8_11_of_four_sides_one_holds(forward_deg, ahead_m, right_m) -> None:
     assume(abs(abs(ahead_m) - abs(right_m)) > 0.1)

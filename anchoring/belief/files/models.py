@@ -81,7 +81,9 @@ def _thresholds(root: TomlTable) -> LifeThresholds:
     )
     table.end()
     if found.delete >= found.confirm:
-        message = f"delete is {found.delete:g}, and has to be below confirm, {found.confirm:g}: what is confirmed would be deleted"
+        message = (
+            f"delete = {found.delete:g} is not below confirm = {found.confirm:g}: confirmed instances would be deleted"
+        )
         table.wrong("delete" if "delete" in table else "confirm", message, "confirm = 0.9 and delete = 0.05")
     if found.delete > found.create:
         message = (

@@ -159,7 +159,23 @@ def test_a_label_that_nobody_has_is_refused_with_those_there_are(wire: Box, quie
 
 
 def test_without_a_sample_there_is_a_failure_and_no_value_is_invented(wire: Box, quiet: Platform) -> None:
-    assert ask(wire).performatives == [P.FAILURE]
+    question = ask(wire)
+    assert question.performatives == []  # the vehicle may have started just now
+    wire.run(1.0)
+    assert question.performatives == [P.FAILURE]
+    assert question.reason == f"{LABEL} had no sample, and none came within 1 s"
+
+
+@pytest.mark.parametrize("scope", ["local", "global"])
+def test_the_first_sample_answers_who_asked_before_it(wire: Box, quiet: Platform, scope: str) -> None:
+    question = ask(wire, scope=scope)
+    assert question.performatives == []
+    now_us = quiet.clock.federation_us(wire.now_us)
+    quiet.ports.network.generator(quiet.ports.gateway.local(LABEL)).push(now_us, (31.0,), now_us)
+    wire.run(0.1)
+    (content,) = question.contents
+    (samples,) = content.answers if isinstance(content, Answers) else (content,)
+    assert altitudes([samples]) == [31.0]
 
 
 # Everybody

@@ -4,7 +4,19 @@ import pytest
 from hypothesis import example, given
 from hypothesis import strategies as st
 
-from dyknow import NO_VALUE, Label, Network, Policy, PolicyError, Quality, Sample, StateInput, StatePolicy, Synchronizer
+from dyknow import (
+    NO_VALUE,
+    Label,
+    Network,
+    Policy,
+    PolicyError,
+    Predicted,
+    Quality,
+    Sample,
+    StateInput,
+    StatePolicy,
+    Synchronizer,
+)
 from dyknow.network.process import Input
 from dyknow.states.state_streams import StateStreamProcess, exactly, state_policy
 from tests.dyknow.networks import ANY, arrivals, feed, invariants, label, pass_time, policy, times
@@ -189,3 +201,26 @@ def test_with_no_approximation_said_a_state_has_exact_values_only(of_state, of_i
 def test_a_sampled_state_must_know_how_long_to_wait() -> None:
     with pytest.raises(PolicyError, match="needs `max delay`"):
         state_policy(policy("sample every 20us"), [policy("max delay 5us"), Policy()])
+
+
+@pytest.mark.parametrize("when", ["sampled", "any update"])
+def test_with_max_age_a_state_has_no_value_of_what_was_not_observed_lately(when) -> None:
+    """One input falls silent; of the other there are predictions, made at 100."""
+    network = Network()
+    inputs = [Input(label(i), policy("from 0, sample every 20us, max delay 30us")) for i in range(2)]
+    for each in inputs:
+        network.add_source(each.label, ANY)
+    made = StatePolicy(20, 40, from_us=0) if when == "sampled" else None
+    network.add_process(STATE, ANY, StateStreamProcess(inputs, made, when, 60))
+    got: list[Sample] = []
+    network.connect(STATE, Policy(), got.append)
+    for at in range(0, 300, 20):
+        if at <= 200:
+            network.push(label(0), at, 1.0, at)
+        network.push(label(1), at, 2.0, at, Quality(prediction=Predicted(100)) if at > 100 else Quality())
+    pass_time(network, 400)
+    values = {each.valid_us: each.value for each in got}
+    assert values[100] == values[160] == (1.0, 2.0)
+    assert values[180] == values[200] == (1.0, NO_VALUE)
+    assert values[260] == (1.0, NO_VALUE)
+    assert values[280] == (NO_VALUE, NO_VALUE)

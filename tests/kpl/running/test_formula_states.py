@@ -33,6 +33,7 @@ define fast[c] = v[c] > LIMIT
         " with sample every 50, max delay 200, delay before approximation 30, from 100 to 900",
         " with sample every 20, no approximation",
         " with sample every 60, from 0, max delay 40, use most recent",
+        " with sample every 61, from 0, max delay 40, max age 4",
     ],
 )
 def test_a_monitor_says_in_kpl_which_states_it_is_made_of(policy: str) -> None:

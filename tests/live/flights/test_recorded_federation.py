@@ -41,6 +41,8 @@ def test_what_is_played_raises_the_same_alarms_and_a_recorder_that_is_killed_has
 ) -> None:
     original = summary_of(FederationRecording(EXAMPLE))
     recorder = dyknow.start("record", str(tmp_path / "again.mcap"), "--json")
+    assert recorder.stderr is not None
+    assert "the recording begins with the first" in recorder.stderr.readline()
     played = dyknow.start("replay", str(EXAMPLE), "--speed", str(SPEED), "--stay", "--json")
     begun = next(lines(played))
     assert (begun["event"], begun["units"]) == ("playing", [0, 1])

@@ -38,6 +38,7 @@ pytestmark = [
 S = 1_000_000
 SOURCES = {DATAFLASH: "GPS", PX4: "vehicle_gps_position"}
 WHOLE_S = 209.0  # the dataflash log's fixes
+SKIPPED = 5  # estimates that a process skips which is late by 50 ms once, at ten times the speed
 
 
 def recorded(name: str, from_s: float) -> dict:
@@ -76,7 +77,8 @@ def as_offline(flown: Flown, a: str, b: str, least: int) -> None:
     shared = live.keys() & offline.keys()
     assert len(shared) > least
     missing = [(at_us - flown.epoch_us) / S for at_us in sorted(offline.keys() - live.keys())]
-    assert len(missing) <= 0.01 * len(offline), f"nearly all of them were federated; not those at {missing} s"
+    most = max(SKIPPED, 0.01 * len(offline))
+    assert len(missing) <= most, f"nearly all of them were federated; not those at {missing} s"
     largest_m = max(abs(live[at] - offline[at]) for at in shared)
     sys.stdout.write(f"federated and offline differ by {largest_m:.6f} m at most, in {len(shared)} of {len(offline)}\n")
     assert largest_m < 0.05

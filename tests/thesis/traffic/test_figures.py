@@ -99,7 +99,7 @@ def test_turns_are_recognised_on_a_map_whose_ids_are_no_names_of_objects(folder,
 
 CHAINS = {
     "overtakes.kpl": [
-        ("seen_cars", "seen_cars.objects", "car_pairs", "car_pair[a, b]"),
+        ("seen_cars", "car_pairs", "car_pair[a, b]"),
         ("seen_cars.objects", "car[c]", "car_pair[a, b]", "offset[a, b]", "smooth_offset[a, b]", "relations[a, b]"),
         ("relations[a, b]", "car_relations[a, b]", "overtakes.chr", "chronicle[wrong_side]", "on_wrong_side"),
         ("reckless_cars", "keeps_off"),
@@ -138,20 +138,25 @@ def test_the_pictures_in_the_documentation_are_those_of_the_specifications(name,
     assert done.stdout == (ROOT / "docs" / "figures" / figure).read_text(encoding="utf-8")
 
 
-def test_a_car_that_left_the_view_is_not_overtaken_and_one_that_is_seen_again_in_time_is(folder, tmp_path):
+@pytest.mark.parametrize("has_end", [False, True])
+def test_a_car_that_left_the_view_is_not_overtaken_and_one_that_is_seen_again_in_time_is(has_end, folder, tmp_path):
     """Two cars at one speed, of which the one in front leaves; then one that is passed while it is hidden for two seconds."""
     rows = []
     for at_ms in range(0, 30_000, 100):
-        rows.append((at_ms, "a", 0.012 * at_ms))
+        rows.append((at_ms, "a", 0.012 * at_ms, False))
         if at_ms <= 5_000:
-            rows.append((at_ms, "b", 30.0 + 0.012 * at_ms))
+            rows.append((at_ms, "b", 30.0 + 0.012 * at_ms, at_ms == 5_000))
         if not 14_000 <= at_ms < 16_000:
-            rows.append((at_ms, "c", 80.0 + 0.007 * at_ms))
+            rows.append((at_ms, "c", 80.0 + 0.007 * at_ms, False))
     feed = tmp_path / "seen.jsonl"
-    lines_of = ({"t_ms": at, "seen": [car, x_m, 0.0, 90.0, "l1", "no_crossing"]} for at, car, x_m in rows)
-    feed.write_text("".join(f"{json.dumps(line)}\n" for line in lines_of), "utf-8")
+    places = ((at, [car, x_m, 0.0, 90.0, "l1", "no_crossing", *[end][:has_end]]) for at, car, x_m, end in rows)
+    feed.write_text("".join(f"{json.dumps({'t_ms': at, 'seen': place})}\n" for at, place in places), "utf-8")
+    text = (EXAMPLES / "overtakes.kpl").read_text("utf-8")
+    more = "crossing in text, end in bool)" if has_end else "crossing in text)"
+    (tmp_path / "overtakes.kpl").write_text(text.replace("crossing in text)", more), "utf-8")
+    shutil.copy(EXAMPLES / "overtakes.chr", tmp_path)
     done = run(
-        ["kpl", "run", str(EXAMPLES / "overtakes.kpl"), "--feed", str(feed), "--json"], environment(folder), ROOT
+        ["kpl", "run", str(tmp_path / "overtakes.kpl"), "--feed", str(feed), "--json"], environment(folder), ROOT
     )
     assert done.returncode == 0, done.stderr
     passed = [each for each in map(json.loads, done.stdout.splitlines()) if each.get("stream") == "passed"]

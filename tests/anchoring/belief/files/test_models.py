@@ -83,7 +83,7 @@ def test_a_model_is_read_as_it_is_written() -> None:
 
 
 WRONG = [
-    ("delete = 0.05", "delete = 0.85", "delete is 0.85, and has to be below confirm, 0.8", "confirm = 0.9 and delete = 0.05"),
+    ("delete = 0.05", "delete = 0.85", "delete = 0.85 is not below confirm = 0.8", "confirm = 0.9 and delete = 0.05"),
     ("delete = 0.05", "delete = 0.2", "would be born dead", "create = 0.1"),
     ("confirm = 0.8", "confirm = 1.0", "no existence is certain", "confirm = 0.9"),
     ("births = 0.2", "births = 0.01", "no instance could ever be created", "create and delete below 0.01235"),
