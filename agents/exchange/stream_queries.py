@@ -12,7 +12,7 @@ from typing import Any
 from agents.actions import FEDERATION, QUERIED, Action, Offer, Role
 from agents.admission.trusted import PlatformTrust
 from agents.exchange import readings
-from agents.exchange.dormant import DormantStreams, StreamQuery, PendingQuery
+from agents.exchange.dormant import DormantStreams, PendingQuery, StreamQuery
 from agents.exchange.gateway import PAGE, Gateway
 from agents.exchange.label_agreements import LabelAgreements
 from agents.interface import InterfaceAgent
