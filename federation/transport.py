@@ -81,6 +81,13 @@ class RosterRead(NamedTuple):
     at_us: int
 
 
+class RosterKept(NamedTuple):
+    """The roster's file has changed and cannot be used; the roster before it is kept."""
+
+    why: str
+    at_us: int
+
+
 class LinkClosed(NamedTuple):
     """A link was closed, since the roster does not admit its certificate, which was made out to `name`."""
 
@@ -104,6 +111,7 @@ WireEvent: TypeAlias = (
     | Conflated
     | HandlerFailed
     | RosterRead
+    | RosterKept
     | LinkClosed
     | CertificateEnds
 )

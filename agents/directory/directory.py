@@ -36,6 +36,7 @@ from federation.transport import (
     CertificateEnds,
     DeclareQueryable,
     LinkClosed,
+    RosterKept,
     RosterRead,
     TokenChanged,
 )
@@ -92,6 +93,7 @@ class DirectoryAgent(Part):
         TokenChanged: "on_token",
         Impaired: "on_impaired",
         RosterRead: "on_roster",
+        RosterKept: "on_roster_kept",
         LinkClosed: "on_link_closed",
         CertificateEnds: "on_certificate_ends",
     }
@@ -116,6 +118,7 @@ class DirectoryAgent(Part):
         self._member, self._emit, self._note = member, emit, note
         self._noted: set[str] = set()
         self._impaired: dict[str, int] = {}
+        self._kept_roster: ConditionEntry | None = None
         self._peer_conditions = PeerConditions(member)
         self._subscribers = Subscribers(agent, tasks)
         self._members: tuple[str, ...] | None = None
@@ -141,6 +144,7 @@ class DirectoryAgent(Part):
 
     def conditions(self) -> Sequence[ConditionEntry]:
         own = [ConditionEntry(text=text, since_us=at_us) for text, at_us in self._impaired.items()]
+        own += [self._kept_roster] if self._kept_roster is not None else []
         return [*own, *self._peer_conditions.conditions()]
 
     def on_impaired(self, event: Impaired, now_us: int) -> Followed:
@@ -154,9 +158,20 @@ class DirectoryAgent(Part):
 
     def on_roster(self, event: RosterRead, now_us: int) -> Followed:
         """The roster has changed: revoked members are out."""
+        if self._kept_roster is not None:
+            self._kept_roster = None
+            self.offer(now_us)
         for unit in self._member.on_roster(event, now_us):
             whose = "this platform is revoked: no other is linked with it" if unit == self._member.unit else ""
             self._note(whose or f"{unit} is revoked: its link is closed, and nothing of it is kept")
+        return None
+
+    def on_roster_kept(self, event: RosterKept, now_us: int) -> Followed:
+        """A revocation may be in the file that cannot be used."""
+        text = f"the roster's file cannot be used, and the roster before it is kept: {event.why}"[:MAX_TEXT]
+        self._note(text)
+        self._kept_roster = ConditionEntry(text=text, since_us=event.at_us)
+        self.offer(now_us)
         return None
 
     def on_link_closed(self, event: LinkClosed, _now_us: int) -> Followed:

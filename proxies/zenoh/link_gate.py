@@ -19,10 +19,10 @@ from typing import Any, TypeAlias
 from dyknow.model.errors import RosterError
 from federation.security.tls import named_until
 from federation.security.trust import Roster
-from federation.transport import CertificateEnds, LinkClosed, RosterRead
+from federation.transport import CertificateEnds, HandlerFailed, LinkClosed, RosterKept, RosterRead
 from proxies.files.named_files import bounded_text
 
-Post: TypeAlias = Callable[[LinkClosed | RosterRead | CertificateEnds], None]
+Post: TypeAlias = Callable[[LinkClosed | RosterRead | RosterKept | CertificateEnds | HandlerFailed], None]
 Address: TypeAlias = tuple[str, int]
 _LOOK_S = 0.5
 _CHUNK = 65_536
@@ -77,23 +77,33 @@ class LinkGate:
 
     def _watch(self) -> None:
         while not self._ended.wait(_LOOK_S):
-            self._read()
-            if self._ends_us is not None and self._now_us() >= self._ends_us - _AHEAD_US:
-                self._post(CertificateEnds(self._ends_us, self._now_us()))
-                self._ends_us = None
-            self.look()
+            try:
+                self._read()
+                if self._ends_us is not None and self._now_us() >= self._ends_us - _AHEAD_US:
+                    self._post(CertificateEnds(self._ends_us, self._now_us()))
+                    self._ends_us = None
+                self.look()
+            except Exception as failed:  # noqa: BLE001  (contained: the gate looks again)
+                self._post(HandlerFailed("roster and links", self._now_us(), repr(failed)))
 
     def _read(self) -> None:
         stamp = self._stamped()
         if stamp is None or stamp == self._stamp:
             return
         self._stamp = stamp
-        with contextlib.suppress(OSError, RosterError):
+        try:
             text = bounded_text(self._path)
             roster = Roster.parse(text)
-            if roster.is_successor_of(self.roster):
-                self.roster, self._admitted = roster, roster.admitted
-                self._post(RosterRead(text, self._now_us()))
+        except (OSError, RosterError) as wrong:
+            self._post(RosterKept(str(wrong), self._now_us()))
+            return
+        if roster.is_successor_of(self.roster):
+            self.roster, self._admitted = roster, roster.admitted
+            self._post(RosterRead(text, self._now_us()))
+        elif roster != self.roster:
+            same = (roster.identity, roster.federation) == (self.roster.identity, self.roster.federation)
+            why = f"its generation {roster.generation} is not later than {self.roster.generation}"
+            self._post(RosterKept(why if same else "it is that of another federation", self._now_us()))
 
     def _stamped(self) -> tuple[int, int, int] | None:
         try:
