@@ -131,6 +131,7 @@ def mutant(random: Random, texts: list[str]) -> str:
     return text
 
 
+@pytest.mark.timeout(3600)
 def test_mutated_texts_are_read_or_refused_at_a_place_within_a_second() -> None:
     random, texts = Random(25), samples()
     assert all(texts.values())
