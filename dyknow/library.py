@@ -7,7 +7,7 @@ from importlib import import_module
 from typing import Any
 
 _PLACES = {
-    "AsyncFederationClient": "runtime.library.federation",
+    "AsyncFederationClient": "runtime.library.async_federation",
     "FederationClient": "runtime.library.federation",
     "Feed": "runtime.library.feed",
     "OwnPlatform": "runtime.library.own_platform",

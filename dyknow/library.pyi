@@ -1,6 +1,6 @@
 from typing import Any
 
-from runtime.library.federation import AsyncFederationClient as AsyncFederationClient
+from runtime.library.async_federation import AsyncFederationClient as AsyncFederationClient
 from runtime.library.federation import FederationClient as FederationClient
 from runtime.library.federation import connect as connect
 from runtime.library.feed import Feed as Feed

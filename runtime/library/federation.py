@@ -2,31 +2,25 @@
 
 import asyncio
 import os
-from collections.abc import Generator
 from itertools import count
 from pathlib import Path
-from typing import Any, Literal, TypeAlias, TypeVar
+from typing import Any
 
 from federation.members.command_centre import PlatformView
-from federation.messages.contents import Content, MonitorEntry
-from federation.messages.dialogue import Dialogue
-from runtime.client import Job, command_centre, surroundings
+from federation.messages.contents import ActLog, MonitorEntry, TaskEntry
+from runtime.client import command_centre, surroundings
 from runtime.configuration.reach import client_wire, speaks_as
-from runtime.library import jobs
-from runtime.library.alarm_news import AlarmItem, follow_alarms
-from runtime.library.calls import CallItem, call_for, wanted_of
+from runtime.library import jobs, listings
+from runtime.library.async_federation import AsyncFederationClient
+from runtime.library.calls import CallItem
+from runtime.library.connection_face import ConnectionFace, DelegatedTask, Time, name_of
 from runtime.library.feed import Feed
 from runtime.library.member_thread import MemberThread, settings_of
 from runtime.library.missions import AbortedMission, abort_mission, mission_of
 from runtime.library.pictures.saliency import FoundPerson, saliency_map
 from runtime.library.questions import Which
 from runtime.library.results import QueryResult, UnitSample
-from runtime.library.watched import WatchedStreams
 
-T = TypeVar("T")
-Time: TypeAlias = str | int
-"""An instant of federation time: microseconds since 1970, or a text: `-5s` (ago), `now`, ISO 8601."""
-TaskState: TypeAlias = Literal["running", "done", "failed", "cancelled"]
 _CONNECTIONS = count()
 
 
@@ -75,6 +69,10 @@ class Connection:
         self._federation, self._options, self._key = federation, options, key
         self._thread: MemberThread | None = None
 
+    def open(self) -> "FederationClient":
+        """The same for a notebook, where no block ends: `fed = dyknow.connect().open()`; `fed.close()` ends it."""
+        return FederationClient(self._open())
+
     def _open(self) -> MemberThread:
         settings = settings_of(self._federation, **self._options)
         speaker = speaks_as(settings, self._key)
@@ -102,113 +100,7 @@ class Connection:
         await asyncio.to_thread(self._close)
 
 
-class _Face:
-    """What both faces of a connection share."""
-
-    def __init__(self, thread: MemberThread) -> None:
-        self._thread, self._client = thread, thread.client
-        self._streams = WatchedStreams(thread.client)
-
-    def _do(self, job: Job[T]) -> T:
-        return self._thread.post(job).result()
-
-    async def _done(self, job: Job[T]) -> T:
-        return await asyncio.wrap_future(self._thread.post(job))
-
-    def _query(self, label: str, unit: str | int | None, which: Which, within: str) -> Job[QueryResult]:
-        return jobs.query(self._client, label, _name(unit), which, within)
-
-    def _watch(
-        self, label: str, unit: str | int | None, every: str, max_delay: str
-    ) -> Generator[Any, bool, Feed[UnitSample]]:
-        feed: Feed[UnitSample] = Feed()
-        keep = yield from jobs.watch(self._client, self._streams, label, _name(unit), every, max_delay, feed)
-        self._thread.post(keep)
-        return feed
-
-    def _call(
-        self, label: str, every: str, max_delay: str, min_certainty: float
-    ) -> Generator[Any, bool, Feed[CallItem]]:
-        feed: Feed[CallItem] = Feed()
-        wanted = wanted_of(label, every, max_delay, min_certainty)
-        keep = yield from call_for(self._client, self._streams, wanted, feed)
-        self._thread.post(keep)
-        return feed
-
-    def _delegate(
-        self, task: str, to: str | int | None, given: dict[str, Any], within: str, when: tuple[str, str] | None
-    ) -> Generator[Any, bool, tuple[Dialogue, Feed[Content]]]:
-        return self._begun(jobs.delegate(self._client, task, _name(to), given, within, when))
-
-    def _begun(self, begin: Job[Dialogue]) -> Generator[Any, bool, tuple[Dialogue, Feed[Content]]]:
-        dialogue = yield from begin
-        feed: Feed[Content] = Feed()
-        self._thread.post(jobs.follow_task(dialogue, feed))
-        return dialogue, feed
-
-    def alarms(self) -> Feed[AlarmItem]:
-        """Alarms as they open and close, on every platform, those that appear later included.
-
-        Among them is what makes it unknown whether there are any, each told within two seconds: a `MonitorChange` for
-        a monitor that is `unknown` (`.which` inputs lack), `known` again or `ended`, a `PlatformChange` for a platform
-        that is `silent`, `gone`, has `left` or is `back`. They have the attributes of alarms, empty where they have none.
-
-        Each alarm has `.event` (`opened`, `closed`, or `ended` with its monitor), `.monitor`, `.by` (the platform that raised it), `.units` (which it is
-        about), `.valid_us`, `.detected_us` and `.values`.
-        """
-        feed: Feed[AlarmItem] = Feed()
-        self._thread.post(follow_alarms(self._client, feed))
-        return feed
-
-
-class DelegatedTask:
-    """A delegated task. It continues when the connection is closed, until it is done or cancelled.
-
-    Attributes:
-        unit: the platform that it was delegated to.
-        conversation: its name everywhere: `dyknow cancel CONVERSATION` ends it.
-        events: what the platform reports: `Progress`, `Alarm`, `Verdict`, `Done`; the iteration ends with the task.
-    """
-
-    def __init__(self, face: _Face, dialogue: Dialogue, events: Feed[Content]) -> None:
-        self._face, self._dialogue, self.events = face, dialogue, events
-        self.unit, self.conversation = dialogue.unit, dialogue.conversation
-        self._is_cancelled = False
-
-    def __repr__(self) -> str:
-        return f"<DelegatedTask {self.conversation} on {self.unit}: {self.state}>"
-
-    @property
-    def state(self) -> TaskState:
-        """`running`, `done`, `failed` or `cancelled`."""
-        found: Any = "cancelled" if self._is_cancelled else jobs.state_of(self._dialogue)
-        state: TaskState = found
-        return state
-
-    def _cancel(self) -> Job[None]:
-        yield from jobs.cancel(self._face._client, self.unit, self.conversation)  # noqa: SLF001  (its own)
-        self._is_cancelled = True
-        self.events.close()
-
-    def cancel(self) -> None:
-        """End the task and all that it set up.
-
-        Raises:
-            Refused: another member delegated it.
-            FederationFailed: it is over already, or the platform does not answer.
-        """
-        self._face._do(self._cancel())  # noqa: SLF001
-
-
-class AsyncDelegatedTask(DelegatedTask):
-    """A delegated task, for an event loop."""
-
-    async def cancel(self) -> None:  # type: ignore[override]  # the same, to be awaited
-        """End the task and all that it set up; raises as `DelegatedTask.cancel`."""
-        await self._face._done(self._cancel())  # noqa: SLF001
-
-
-class FederationClient(_Face):
+class FederationClient(ConnectionFace):
     """A federation, for a program that waits for its answers. `with dyknow.connect() as fed` gives one.
 
     Platforms are named by text (`"0"`) or number, labels and times by text as on the command line.
@@ -327,7 +219,7 @@ class FederationClient(_Face):
 
     def saliency(self, unit: str | int | None = None) -> list[FoundPerson]:
         """The persons that platforms have found, on the map of one platform or of all; `.name`, `.x_m`, `.y_m`, `.by`, ..."""
-        return list(self._do(saliency_map(self._client, _name(unit))).persons)
+        return list(self._do(saliency_map(self._client, name_of(unit))).persons)
 
     def monitors(self, *, explain: bool = False) -> list[MonitorEntry]:
         """The monitors of all platforms: `.by`, `.name`, `.units`, `.verdict`, `.inputs`, `.shows`, `.since_us`.
@@ -346,74 +238,47 @@ class FederationClient(_Face):
         """
         return self._do(jobs.all_platforms(self._client))
 
+    def tasks(self) -> list[TaskEntry]:
+        """The delegated tasks of all platforms: `.conversation`, `.task`, `.unit`, `.state`, `.delegator`, `.since_us`.
 
-class AsyncFederationClient(_Face):
-    """A federation, for a program with an event loop: the methods of `FederationClient`, to be awaited.
+        One with `.ended_by` is over: that platform ended it without a request of its delegator.
 
-    Feeds (`watch`, `alarms`, the events of a task) are iterated by `async for`.
-    """
+        Raises:
+            NothingFound: no platform is there.
+        """
+        return self._do(listings.tasks(self._client))
 
-    async def query(
-        self,
-        label: str,
-        *,
-        unit: str | int | None = None,
-        at: Time | None = None,
-        between: tuple[Time, Time] | None = None,
-        last: int | None = None,
-        nth: int | None = None,
-        slice: tuple[int, int] | None = None,  # noqa: A002  (as the option of the command)
-        within: str = "2s",
-    ) -> QueryResult:
-        """See `FederationClient.query`."""
-        return await self._done(self._query(label, unit, Which(at, between, last, nth, slice), within))
+    def cancel(self, conversation: str) -> None:
+        """End a task, by its conversation or the beginning of it, and all that it set up.
 
-    async def watch(
-        self, label: str, *, unit: str | int | None = None, every: str = "200ms", max_delay: str = "1s"
-    ) -> Feed[UnitSample]:
-        """See `FederationClient.watch`."""
-        return await self._done(self._watch(label, unit, every, max_delay))
+        Raises:
+            NothingFound: no platform has it.
+            WrongCall: several begin so.
+            Refused: another member delegated it.
+            FederationFailed: it is over already, or the platform does not answer.
+        """
+        self._do(listings.cancel(self._client, conversation))
 
-    async def call(
-        self, label: str, *, every: str = "200ms", max_delay: str = "1s", min_certainty: float = 0.0
-    ) -> Feed[CallItem]:
-        """See `FederationClient.call`."""
-        return await self._done(self._call(label, every, max_delay, min_certainty))
+    def objects(self, type: str | None = None, *, unit: str | int | None = None) -> list[listings.ListedObject]:  # noqa: A002
+        """What platforms see, each for itself: `.by`, `.symbol`, `.type`, `.stream`, `.valid_us`, `.attributes`.
 
-    async def delegate(
-        self,
-        task: str,
-        *,
-        to: str | int | None = None,
-        within: str = "3s",
-        when: tuple[str, str] | None = None,
-        **content: Any,
-    ) -> AsyncDelegatedTask:
-        """See `FederationClient.delegate`."""
-        return AsyncDelegatedTask(self, *await self._done(self._delegate(task, to, content, within, when)))
+        Args:
+            type: of one type, or of one stream, only.
+            unit: of one platform only.
 
-    async def mission(self, domain: str, problem: str, *, to: str | int | None = None, **given: Any) -> DelegatedTask:
-        """See `FederationClient.mission`."""
-        return AsyncDelegatedTask(
-            self, *await self._done(self._begun(mission_of(self._client, domain, problem, to, given)))
-        )
+        Raises:
+            NothingFound: no platform is there, or not that one.
+        """
+        return self._do(listings.objects(self._client, name_of(unit), type))
 
-    async def abort_mission(self, name: str | None = None) -> AbortedMission:
-        """See `FederationClient.abort_mission`."""
-        return await self._done(abort_mission(self._client, name))
+    def acts(self, unit: str | int | None = None) -> list[ActLog]:
+        """The speech acts that platforms remember, by time: `.at_us`, `.direction`, `.peer`, `.outcome`, `.act` (its text).
 
-    async def saliency(self, unit: str | int | None = None) -> list[FoundPerson]:
-        """See `FederationClient.saliency`."""
-        return list((await self._done(saliency_map(self._client, _name(unit)))).persons)
+        Raises:
+            NothingFound: no platform is there, or not that one.
+        """
+        return self._do(listings.acts(self._client, name_of(unit)))
 
-    async def monitors(self, *, explain: bool = False) -> list[MonitorEntry]:
-        """See `FederationClient.monitors`."""
-        return await self._done(jobs.monitors(self._client, explain=explain))
-
-    async def ls(self) -> list[PlatformView]:
-        """See `FederationClient.ls`."""
-        return await self._done(jobs.all_platforms(self._client))
-
-
-def _name(unit: str | int | None) -> str | None:
-    return None if unit is None else str(unit)
+    def close(self) -> None:
+        """End the connection; delegated tasks continue."""
+        self._thread.close()

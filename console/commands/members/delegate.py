@@ -27,6 +27,7 @@ from runtime.configuration.settings import load
 from runtime.configuration.wording import typed, values_of
 from runtime.library.jobs import begin_task, listed_tasks, running_already, state_of
 from runtime.library.jobs import tasks as all_tasks
+from runtime.library.listings import conversation_of
 
 P = Performative
 ANSWER_S = 3.0
@@ -232,16 +233,7 @@ def cancel(
 ) -> int:
     """End a task, and take down all it set up."""
     with connected(call) as client:
-        units = client.chosen(None)
-        found = [(unit, task.conversation) for unit, task in client.run(all_tasks(client, units))]
-        named = sorted({name for _, name in found if name.startswith(conversation)})
-        if conversation in named:
-            named = [conversation]
-        if not named:
-            raise NothingFound(f"no platform has a task {conversation!r}; dyknow tasks lists those there are.")
-        if len(named) > 1:
-            raise WrongCall(f"CONVERSATION: {conversation!r} is the beginning of {', '.join(named)}; write more of it.")
-        ends = [client.cancel(unit, name) for unit, name in found if name == named[0]]
+        ends = [client.cancel(unit, name) for unit, name in client.run(conversation_of(client, conversation))]
         with call.out.waiting("taking down what the task set up"):
             client.wait_for(lambda: all(end.over for end in ends), ANSWER_S)
         for end in ends:

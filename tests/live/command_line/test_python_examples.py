@@ -74,6 +74,14 @@ def test_ls(fleet: Dyknow) -> None:
     assert [line.split()[:2] for line in lines if "monitors" not in line] == [["0", "alive"], ["1", "alive"]]
 
 
+def test_lists(fleet: Dyknow) -> None:
+    lines = ended(started(fleet, "lists"))
+    [task] = [line for line in lines if line.startswith("0 monitor-proximity")]
+    assert task.split()[2] == "running"
+    assert any(line.startswith(("in ", "out ")) and "(" in line for line in lines)
+    assert lines[-1] == "left: []"
+
+
 def test_delegate(fleet: Dyknow) -> None:
     lines = ended(started(fleet, "delegate"))
     assert lines[0].endswith(" running")
