@@ -17,6 +17,7 @@ import pytest
 from agents.areas.assignment import AreaAssignment
 from agents.missions.performing import Performing
 from agents.platform import Platform
+from agents.tasks.authority import LIFE_US
 from agents.tasks.command_watch import CommandWatch
 from federation.members.member import Member
 from federation.messages import contents
@@ -235,7 +236,7 @@ class Sky:
 
         def place(unit: str) -> tuple[int, int]:
             began_us = self.began_us.get(unit, 0)
-            return began_us if began_us > at_us else 0, order.index(unit)
+            return began_us if began_us > at_us + LIFE_US else 0, order.index(unit)
 
         assert leader in order, f"{leader} may never lead {task}"
         return {unit for unit in order if place(unit) < place(leader)}
