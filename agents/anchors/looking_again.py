@@ -41,6 +41,7 @@ LONG_GAP_US: Final = US_PER_S
 LIMITS: Final = RecoveryLimits(at_once=9, answer_us=120 * US_PER_S, look_us=12 * US_PER_S)
 """Plans over more hypotheses may take longer than 5 ms."""
 HERE: Final = "here"
+LOOKED, ANSWERED = "it was looked at again", "the delegator answered"
 PLACE: Final = ("x_m", "y_m")
 """What is asked for where nothing else differs."""
 
@@ -95,7 +96,7 @@ class LookingAgain:
         self.state, self.since_us = f"looks for {symbol}", begun_us
         self.history: deque[tuple[int, str, str]] = deque(maxlen=KEPT)
         self.question: tuple[str, ...] = ()
-        self.asked = ""
+        self.asked, self._because = "", LOOKED
         self.questions = 0
         self.plans = 0
         self.recovery: AnchoringRecovery | None = None
@@ -318,6 +319,7 @@ class LookingAgain:
     def on_moved(self, number: int, why: str, federation_us: int, now_us: int) -> None:
         """The vehicle is where it was sent, or why not."""
         if self.recovery is not None:
+            self._because = LOOKED
             event = messages.SensingActionEnded(number, not why, why)
             self._do(self.recovery.on_event(event, federation_us), federation_us, now_us)
 
@@ -332,7 +334,7 @@ class LookingAgain:
     def answer(self, value: str, federation_us: int, now_us: int) -> None:
         """The delegator's answer, one of `question`."""
         if self.recovery is not None:
-            self.question, self.asked = (), ""
+            self.question, self.asked, self._because = (), "", ANSWERED
             self._do(self.recovery.on_event(messages.DelegatorAnswered(value), federation_us), federation_us, now_us)
             if self.recovery is not None:
                 self._description = self.recovery.description
@@ -351,7 +353,7 @@ class LookingAgain:
                 case messages.SensingActionStarted():
                     self._start(effect, federation_us, now_us)
                 case messages.SymbolAnchored(_, percept):
-                    self._anchor(percept, "it was looked at again", now_us)
+                    self._anchor(percept, self._because, now_us)
                 case messages.DelegatorAsked(_, question, ask):
                     self.questions += 1
                     self.question, self.asked = tuple(islice(ask.values, 16)), question

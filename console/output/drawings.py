@@ -23,10 +23,7 @@ def plan_svg(plan: "ConditionalPlan") -> Iterator[str]:
         part, parent, depth, seen = stack.pop()
         number = len(parts)
         parts.append((part, parent, depth, seen))
-        stack.extend(
-            (rest, number, depth + 1, f"{each.target} {each.feature} {each.value}")
-            for each, rest in reversed(part.branches)
-        )
+        stack.extend((rest, number, depth + 1, each.words) for each, rest in reversed(part.branches))
     boxes = [_box(part) for part, *_ in parts]
     middle = _middles(parts, [len(box) for box in boxes])
     widths = dict[int, int]()

@@ -36,7 +36,12 @@ class ObservedFeature(NamedTuple):
     value: str
 
     def __str__(self) -> str:
-        return f"({self.feature}! {self.target} = {self.value})"
+        return f"({' '.join(filter(None, (f'{self.feature}!', self.target)))} = {self.value})"
+
+    @property
+    def words(self) -> str:
+        """Without brackets, of what first; there may be nothing that it is of."""
+        return " ".join(filter(None, (self.target, self.feature, self.value)))
 
 
 @dataclass(frozen=True, slots=True)
@@ -135,7 +140,7 @@ def tree_lines(plan: ConditionalPlan) -> Iterator[str]:
         last = len(part.branches) - 1
         for number, (seen, rest) in reversed(list(enumerate(part.branches))):
             corner, bar = ("`- ", "   ") if number == last else ("|- ", "|  ")
-            stack.append((rest, f"{seen.target} {seen.feature} {seen.value}:", below + corner, below + bar))
+            stack.append((rest, f"{seen.words}:", below + corner, below + bar))
 
 
 def dot_lines(plan: ConditionalPlan) -> Iterator[str]:
@@ -151,8 +156,6 @@ def dot_lines(plan: ConditionalPlan) -> Iterator[str]:
         yield f'  n{count} [label="{label}"{shape}];'
         if parent >= 0:
             yield f'  n{parent} -> n{count} [label="{observed}"];'
-        stack.extend(
-            (rest, count, f"{seen.target} {seen.feature} {seen.value}") for seen, rest in reversed(part.branches)
-        )
+        stack.extend((rest, count, seen.words) for seen, rest in reversed(part.branches))
         count += 1
     yield "}"

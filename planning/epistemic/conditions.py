@@ -48,6 +48,17 @@ def is_variable(word: str) -> bool:
     return word.startswith("?")
 
 
+def variables_of(condition: WorldCondition) -> frozenset[str]:
+    """The variables that a condition speaks of."""
+    match condition:
+        case Holds(fluent, value):
+            return frozenset(filter(is_variable, (*fluent, value)))
+        case NotSo(part):
+            return variables_of(part)
+        case AllOf(parts) | AnyOf(parts):
+            return frozenset().union(*map(variables_of, parts))
+
+
 def bound_fluent(fluent: Fluent, binding: Binding) -> Fluent:
     """The fluent with its variables replaced."""
     return tuple(binding.get(word, word) for word in fluent)

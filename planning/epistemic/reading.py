@@ -23,7 +23,17 @@ from typing import Final, NamedTuple, TypeAlias
 
 from dyknow.model.errors import TextError, did_you_mean
 from planning.epistemic.actions import ActionResult, EpistemicAction, EpistemicProblem, KnownCondition
-from planning.epistemic.conditions import AllOf, AnyOf, Fluent, Holds, NotSo, World, WorldCondition, is_variable
+from planning.epistemic.conditions import (
+    AllOf,
+    AnyOf,
+    Fluent,
+    Holds,
+    NotSo,
+    World,
+    WorldCondition,
+    is_variable,
+    variables_of,
+)
 
 LONGEST: Final = 256 * 1024
 MOST_HYPOTHESES: Final = 4096
@@ -146,7 +156,12 @@ class _ProblemReader:
         items = self._list(item)
         if len(items) != 2:
             raise self._error(item.offset, "a precondition has variables and a condition", "((?p) (robot-at = ?p))")
-        return KnownCondition(self._variables(items[0]), self._condition(items[1]))
+        found = KnownCondition(self._variables(items[0]), self._condition(items[1]))
+        free = [each for each in found.variables if each not in variables_of(found.condition)]
+        if free:
+            message = f"{', '.join(free)} does not occur in the condition, so that nothing binds it"
+            raise self._error(items[0].offset, message, "() where there is no variable")
+        return found
 
     def _results(self, item: _Item) -> tuple[ActionResult, ...]:
         items = self._list(item)

@@ -73,7 +73,7 @@ def test_in_case_5_the_requester_is_asked_for_what_discriminates_and_the_answer_
     late = wrong.model_copy(update={"number": question.number + 1, "answer": "25"})
     assert said(field.ask(late))[-1][0] == "refuse"
     field.ask(wrong.model_copy(update={"answer": "25"}))
-    assert "anchored: suspect is co2: it was looked at again" in field.until(asked, "anchored")
+    assert "anchored: suspect is co2: the delegator answered" in field.until(asked, "anchored")
     assert field.orders == []
 
 

@@ -126,6 +126,7 @@ def test_where_nothing_leads_to_the_goal_that_is_said() -> None:
         ("(ptl-action :name (m) :results (cond ()))", (1, 32), "a clause without condition"),
         ("(ptl-action :name (m) :precond ((a)) :results ((a)))", (1, 33), "a precondition has variables"),
         ("(known ((a)))", (1, 9), "a word is expected, got a list"),
+        ("(ptl-action :name (m) :precond (((?p) (at = cupboard))) :results ((a)))", (1, 34), "?p does not occur"),
     ],
 )
 def test_what_is_wrong_is_refused_with_place_cause_and_remedy(text: str, place: tuple[int, int], message: str) -> None:
