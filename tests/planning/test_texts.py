@@ -6,7 +6,7 @@ import pytest
 from hypothesis import given
 from hypothesis import strategies as st
 
-from dyknow.model.errors import DyknowError, TextError
+from dyknow.model.errors import DyknowError, TextError, TextErrors
 from planning import Declarations, parse_domain, parse_problem, print_declarations
 from planning.domains import model
 from planning.domains.model import Application, Next, Parameter, Quantified
@@ -244,3 +244,15 @@ def test_texts_that_are_damaged_are_read_or_refused_and_nothing_else(seed: int) 
             assert isinstance(refused, TextError)
         else:
             assert isinstance(read, Declarations)
+
+
+def test_a_type_that_is_misspelt_is_one_error_however_often_its_feature_is_used() -> None:
+    text = (
+        "#domain box\n#feature xpos(boks) : fp\n#operator lift(box, x) :precond xpos(box) == x"
+        " :effects xpos(box) := x + 8\n#monitor high: always forall box: xpos(box) > 3\n"
+    )
+    with pytest.raises(TextError) as wrong:
+        parse_domain(text)
+    assert str(wrong.value).count("there is no type boks") == 1
+    assert "is of a boks" not in str(wrong.value)
+    assert not isinstance(wrong.value, TextErrors) or len(wrong.value.errors) == 1
