@@ -63,7 +63,7 @@ class Conversations:
         self._open: dict[_Name, protocols.Conversation] = {}
         self._due_us: int | None = None
         self._opened = 0
-        self._prefix = f"{unit}-{boot:x}-"
+        self._prefix = _beginning(unit, boot)
         self._dropped: dict[str, tuple[int | None, list[Act]]] = {}
         self._answered: dict[str, None] = {}
         self._ended: dict[tuple[str, str], None] = {}
@@ -298,6 +298,10 @@ class Conversations:
         within_us = REPLY_BY_US if act.reply_by_us is None else max(0, act.reply_by_us - act.created_us)
         peer = act.sender.unit
         known = self._open.get((conversation, peer, False))
+        own = _beginning(peer, act.boot)
+        if act.performative is not P.CANCEL and not conversation.startswith(own):
+            said = f"what you ask opens a conversation of yours: its id begins with {own}"
+            return [self.delivery.send(self._no(act, P.REFUSE, said), now_us)[1]]
         if (
             known is not None
             and known.phase in {protocols.Phase.AGREED, protocols.Phase.STANDING}
@@ -352,6 +356,11 @@ class Conversations:
     def _wake(self, due_us: int | None) -> None:
         if due_us is not None and (self._due_us is None or due_us < self._due_us):
             self._due_us = due_us
+
+
+def _beginning(unit: str, boot: int) -> str:
+    """Of the conversations that a platform opens in one life: no other can open one of that name, or one before it is."""
+    return f"{unit}-{boot:x}-"
 
 
 def _remember(ended: dict[_K, None], name: _K) -> None:

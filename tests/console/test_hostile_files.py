@@ -111,7 +111,7 @@ CALLS: dict[tuple[str, str], tuple[str, list[str]]] = {
     ("roads check", "file osm"): (".osm", ["roads", "check", FILE]),
     ("kpl verify", "journal of a run"): (".jsonl", ["kpl", "verify", SPEC, "--journal", FILE]),
     ("kpl load", "text"): (".kpl", ["kpl", "load", FILE, "--unit", "7"]),
-    ("delegate", "area"): (".geojson", ["delegate", "scan", "--to", "7", f"area={FILE}"]),
+    ("delegate", "area"): (".geojson", ["delegate", "divide-area", "--to", "7", f"area={FILE}"]),
 }  # fmt: skip
 
 

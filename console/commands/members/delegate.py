@@ -1,5 +1,6 @@
 """`dyknow delegate`, `tasks`, `cancel` and `fault`: requests to platforms."""
 
+import time
 from typing import Annotated, Any
 
 import typer
@@ -24,7 +25,7 @@ from federation.messages.dialogue import Dialogue
 from runtime.client import Client
 from runtime.configuration.instants import SHORTEST_US, clock_time, duration_us
 from runtime.configuration.settings import load
-from runtime.configuration.wording import typed, values_of
+from runtime.configuration.wording import content_with, typed, values_of
 from runtime.library.jobs import begin_task, listed_tasks, running_already, state_of
 from runtime.library.jobs import tasks as all_tasks
 from runtime.library.listings import conversation_of
@@ -66,8 +67,9 @@ def delegate(
     waits: Annotated[str, typer.Option("--for", metavar="TIME", help="How long it waits for --when.")] = "10min",
 ) -> int:
     """A task for a platform, as a speech act to its interface agent; it continues when the command ends."""
+    given = values_of(task, pairs or (), call.settings.extensions)
+    content_with(task, given, time.time_ns() // 1000, call.settings.extensions)  # what is wrong is known at once
     with connected(call) as client:
-        given = values_of(task, pairs or (), client.extensions)
         condition = None if when is None else (when, waits)
         if condition is None and (running := client.run(running_already(client, task, to, given))) is not None:
             return _runs_already(call, running)

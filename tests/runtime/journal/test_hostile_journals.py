@@ -179,6 +179,7 @@ def _entries() -> list[tuple[str, int, bytes]]:
     ]
 
 
+@pytest.mark.timeout(3600)
 def test_a_journal_with_a_hostile_event_replays_or_is_refused_in_a_sentence(tmp_path: Path) -> None:
     about, entries, path = dict(read_about(ENCOUNTER)), _entries(), tmp_path / "hostile.mcap"
     cases = [
