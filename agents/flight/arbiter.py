@@ -25,6 +25,10 @@ GROUND: Final = vehicle.SetGuided | vehicle.Arm | vehicle.TakeOffOrder
 """Orders with which a mission takes off."""
 
 
+MISSIONS = 64
+"""Missions that may join, as far as they are remembered."""
+
+
 class Commander(IntEnum):
     """A commander of a vehicle; of two the greater one has it."""
 
@@ -34,6 +38,11 @@ class Commander(IntEnum):
     MISSION = 3
     AVOIDANCE = 4
     HANDS = 5
+
+
+WORDS = {
+    Commander.ROUTE: "plan", Commander.ORDER: "order", Commander.MISSION: "mission", Commander.AVOIDANCE: "diverted",
+}  # fmt: skip
 
 
 @dataclass(slots=True)
@@ -55,6 +64,41 @@ class MissionClaim:
     def wait(self, reason: str) -> None:
         """Command nothing until a user has it continue; the first reason counts."""
         self.waits = self.waits or (reason if self.name else "")
+
+
+class AwaitedMissions:
+    """Missions that may join, each with why it commands nothing then; empty: it commands at once.
+
+    A user's own order holds them all, whether they were ended since or not, until the user resumes, or permits one anew.
+    """
+
+    def __init__(self) -> None:
+        self._why: dict[str, str] = {}
+
+    def expect(self, name: str, waits: str = "") -> None:
+        """It may join; of too many those that wait for nothing are forgotten first."""
+        self._why[name] = waits
+        if len(self._why) > MISSIONS:
+            del self._why[next((each for each, why in self._why.items() if not why), next(iter(self._why)))]
+
+    def wait(self, reason: str) -> None:
+        """All command nothing until `resume`; the first reason counts."""
+        self._why = {name: why or reason for name, why in self._why.items()}
+
+    def resume(self) -> bool:
+        """None waits any more; whether one did."""
+        waited = any(self._why.values())
+        self._why = dict.fromkeys(self._why, "")
+        return waited
+
+    def joins(self, name: str) -> MissionClaim:
+        """The claim of one that joins."""
+        return MissionClaim(name, self._why.pop(name, ""))
+
+    def leaves(self, claim: MissionClaim, *, is_over: bool) -> None:
+        """One that waits does so when it joins again, though it was over: who ends it may not be who had it wait."""
+        if claim.name and (claim.waits or not is_over):
+            self.expect(claim.name, claim.waits)
 
 
 class CommandClaims(NamedTuple):

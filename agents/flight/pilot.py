@@ -10,6 +10,7 @@ sent until a user asks for it. What becomes of an order is in `agents.flight.err
 from collections.abc import Callable
 from dataclasses import dataclass, field
 
+from agents.flight import arbiter
 from agents.flight.arbiter import ENDINGS, HEARD_WITHIN_US, CommandClaims, Commander, MissionClaim, in_words
 from agents.flight.errand import Errand, OrderProgress
 from agents.flight.heard_vehicle import FORBIDDEN, HeardVehicle, InterruptedMission
@@ -27,11 +28,6 @@ RESUMES_US = 6_000_000
 """So long after a mission was resumed the vehicle's mode may show it."""
 
 
-_WORDS = {
-    Commander.ROUTE: "plan", Commander.ORDER: "order", Commander.MISSION: "mission", Commander.AVOIDANCE: "diverted",
-}  # fmt: skip
-
-
 @dataclass(slots=True)
 class Pilot(HeardVehicle):
     """One vehicle's commands. Times are federation time.
@@ -42,7 +38,7 @@ class Pilot(HeardVehicle):
         diversion: the present manoeuvre, and whether it is flown; None when the vehicle does not give way.
         mission: the mission that commands the vehicle, or waits.
         leg: which place of the route is flown to next.
-        waiting: why missions wait that have no leader now, "" for one that does not; each is so when it joins again.
+        awaited: the missions that may join, and why they wait then.
     """
 
     errand: Errand | None = None
@@ -58,7 +54,7 @@ class Pilot(HeardVehicle):
     _raised_to_m: float | None = None
     _lowered_to_m: float | None = None
     leg: int = 0
-    waiting: dict[str, str] = field(default_factory=dict)
+    awaited: arbiter.AwaitedMissions = field(default_factory=arbiter.AwaitedMissions)
     _goal: vehicle.Order | None = None
     _attempts: int = 0
     _again_us: int | None = None
@@ -261,7 +257,7 @@ class Pilot(HeardVehicle):
         self.check(order)
         self._claims_against(order, Commander.ORDER)._replace(mission="").check(Commander.ORDER)
         self.mission.wait(reason := f"a user ordered {in_words(order)}")
-        self.waiting = {name: waits or reason for name, waits in self.waiting.items()}
+        self.awaited.wait(reason)
         return self._replace(order)
 
     def _replace(self, order: vehicle.Order) -> list[vehicle.Command]:
@@ -303,12 +299,11 @@ class Pilot(HeardVehicle):
         self.claims.check(Commander.MISSION)
         if self.mission.name and self.mission.name != name:
             raise Refused(f"mission {self.mission.name} has the vehicle", "mission")
-        self.mission = MissionClaim(name, self.waiting.pop(name, ""))
+        self.mission = self.awaited.joins(name)
 
     def end_mission(self, *, is_over: bool = True) -> None:
-        """No mission has the vehicle; what was ordered last stands. One that waits and is not over waits when it joins again."""
-        if self.mission.name and not is_over:
-            self.waiting[self.mission.name] = self.mission.waits
+        """No mission has the vehicle; what was ordered last stands."""
+        self.awaited.leaves(self.mission, is_over=is_over)
         self.mission = MissionClaim()
 
     def prepare(self, order: vehicle.Order) -> list[vehicle.Command]:
@@ -334,13 +329,18 @@ class Pilot(HeardVehicle):
                 self.mission, self._suspended, self.standing = before
                 raise
             self.errand = None
+            self.awaited.resume()
             return []
         self.check(vehicle.HoldOrder())
         if self.diversion is not None:
             raise Refused("the vehicle is giving way to another; it flies on by itself", "giving-way")
+        if self.plan is None and self._before is None and self.awaited.resume():
+            self.standing, self._suspended = None, False
+            return []
         leg, wanted = self._interrupted()
         self.check(wanted)
         self.standing, self._before, self._suspended = None, None, False
+        self.awaited.resume()
         if self.plan is not None:
             self.leg, self._goal, self._attempts, self._again_us = leg, wanted, 1, None
         return [self._begin(wanted)]
@@ -417,4 +417,4 @@ class Pilot(HeardVehicle):
     @property
     def flying(self) -> str:
         """What the vehicle is doing for us, in a word: `watching`, `diverted`, `mission`, `order`, `plan` or `holding`."""
-        return _WORDS.get(self.claims.commander, "holding") if self.control else "watching"
+        return arbiter.WORDS.get(self.claims.commander, "holding") if self.control else "watching"

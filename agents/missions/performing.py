@@ -139,7 +139,7 @@ class Performing(Part):
         permit = self._authority.delegated(act, content)
         self._authority.permitted_anew(permit)
         self.permits.permit(permit, now_us)
-        self._pilot.waiting.pop(content.mission, None)
+        self._pilot.awaited.expect(content.mission)
         self._agent.done(act, now_us)
 
     def on_join(self, act: Act, content: JoinMission, now_us: int) -> None:
@@ -216,7 +216,7 @@ class Performing(Part):
     def on_lost(self, act: Act, now_us: int) -> bool:
         """The leader is gone: the vehicle holds, and is free."""
         joined = self._joined
-        if joined is None or not joined.conversation or joined.conversation != act.conversation_id:
+        if joined is None or (joined.conversation or None, joined.leader) != (act.conversation_id, act.sender.unit):
             return False
         self._note(f"mission {joined.mission}: its leader {joined.leader} is gone; the vehicle holds")
         self._release(joined, now_us)

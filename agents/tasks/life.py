@@ -380,10 +380,12 @@ class TaskLife(Part):
         """Tasks of a command centre persist; an export for a platform waits as long as its receivers do."""
         conversation = act.conversation_id or ""
         task = self.get(conversation)
-        if task is not None and task.is_part and task.name == CreateMulticast.head:
+        if task is None or task.initiator != act.sender.unit:
+            return False
+        if task.is_part and task.name == CreateMulticast.head:
             self._until_us[conversation] = now_us + LINGER_US
             self._due.set(conversation, now_us + ABANDONED_US)
-        return task is not None
+        return True
 
     def _on_forgotten(self, task: Task, now_us: int) -> None:
         """Its requester had lost sight of this platform, and is back: it asks once more for what it still wants."""

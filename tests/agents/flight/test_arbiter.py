@@ -158,11 +158,23 @@ def test_a_users_order_takes_the_vehicle_from_a_mission_until_it_is_resumed(orde
     assert [each.order for each in pilot.order(THERE, Commander.MISSION)] == [THERE]
 
 
+def test_a_mission_that_waits_does_so_though_its_leader_ended_it_and_began_it_again() -> None:
+    pilot = flown()
+    pilot.command(HoldOrder())
+    pilot.end_mission()
+    pilot.begin_mission("m")
+    assert pilot.mission.waits.startswith("a user ordered")
+    pilot.end_mission()
+    assert pilot.proceed() == []
+    pilot.begin_mission("m")
+    assert not pilot.mission.waits
+
+
 def test_a_mission_that_is_permitted_anew_waits_for_nothing() -> None:
     pilot = flown()
     pilot.command(HoldOrder())
     pilot.end_mission(is_over=False)
-    pilot.waiting.pop("m")
+    pilot.awaited.expect("m")
     pilot.begin_mission("m")
     assert not pilot.mission.waits
 
