@@ -73,6 +73,17 @@ class Permits:
             )
         self._authority.check_leads(permit, sender, boot, now_us)
 
+    def check_succeeds(self, mission: str, delegator: str, now_us: int) -> None:
+        """Raise Refused if this platform may not lead a mission whose leader is gone, or `delegator` could not have it flown: `role`."""
+        permit = self.of(mission, now_us)
+        if permit is None:
+            if self._role_of(self._unit) is Role.COMMAND_CENTRE:  # there is no roster
+                return
+            raise Refused(f"a command centre has not permitted it (permit-mission {mission})", "role")
+        leaders = permit.content.leaders if isinstance(permit.content, PermitMission) else ()
+        if self._unit not in leaders or delegator not in {permit.delegator, *leaders}:
+            raise Refused(f"the permit of {permit.delegator} does not name {self._unit}, or {delegator}", "role")
+
     def turn(self, mission: str, now_us: int) -> int:
         """How many that may lead it before this platform are here."""
         permit = self.of(mission, now_us)

@@ -127,7 +127,7 @@ class MissionLeading(Part):
         self._tasks.check_free(act.conversation_id, act.sender.unit)
 
         def on_read(texts: MissionTexts, at_us: int) -> None:
-            self._check(act, content, at_us)
+            self.check(act, content, at_us)
             self._agent.answer(act, P.AGREE, None, at_us)
             self.lead(act, content, texts, None, at_us)
 
@@ -139,7 +139,7 @@ class MissionLeading(Part):
         Raises:
             Refused: as `on_fly`; `on_read` may do so, too.
         """
-        self._check(act, content, now_us)
+        self.check(act, content, now_us)
         owner = self._reading[act.sender.unit, act.conversation_id or ""] = content
 
         def on_over(texts: MissionTexts | Reason, at_us: int) -> None:
@@ -154,7 +154,8 @@ class MissionLeading(Part):
 
         self.searches.read(owner, content, on_over)
 
-    def _check(self, act: Act, content: FlyMission, now_us: int) -> None:
+    def check(self, act: Act, content: FlyMission, now_us: int) -> None:
+        """Raise Refused if the sender may not have that mission flown now, or this platform leads enough, or has no origin."""
         sender = act.sender.unit
         self._performing.permits.check(content.mission, sender, act.boot, now_us)
         self._performing.permits.check_chain(content.chain, sender)
@@ -204,8 +205,9 @@ class MissionLeading(Part):
         """Lead a mission whose leader is gone.
 
         Raises:
-            Refused: this platform leads enough, or the origin of places is not known.
+            Refused: no permit names this platform, by whose word is `order`; it leads enough, or the origin of places is not known.
         """
+        self._performing.permits.check_succeeds(order.name, order.act.sender.unit, now_us)
         self._check_free(order.name)
         frame = self._origin()
         if frame is None:
@@ -321,7 +323,15 @@ class MissionLeading(Part):
         return min((led.deadline_us for led in self._led.values()), default=None)
 
     def on_time(self, now_us: int) -> None:
-        for led in list(self._led.values()):
+        for name, led in list(self._led.items()):
+            act, permits = led.order.act, self._performing.permits
+            if not led.order.continues and permits.of(name, now_us) is not None:
+                try:
+                    permits.check(name, act.sender.unit, act.boot, now_us)
+                except Refused as refused:  # one that may lead before the platform which had it flown is back
+                    led.is_passed_on = True
+                    led.end(refused.reason, now_us)
+                    continue
             led.on_time(now_us)
 
     # -- what missions need ------------------------------------------------------------------------------------

@@ -235,11 +235,10 @@ class Performing(Part):
 
     def _check_led(self, joined: _Joined, now_us: int) -> bool:
         """Whether its leader still may lead it: when one before that is back, the vehicle holds until that one asks for it."""
-        permit = self.permits.of(joined.mission, now_us)
-        if permit is None or not joined.conversation:
+        if joined.word is None or not joined.conversation:
             return True
         try:
-            self._authority.check_leads(permit, joined.leader, joined.boot, now_us)
+            self._authority.check_leads(joined.word, joined.leader, joined.boot, now_us)
         except Refused as refused:
             self._note(f"mission {joined.mission}: {refused.reason}; the vehicle holds")
             self._agent.end(joined.conversation, joined.leader, refused.reason, now_us)

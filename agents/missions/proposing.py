@@ -113,6 +113,7 @@ class MissionProposals(Part):
             self._agent.answer(act, P.FAILURE, Reason(text="no proposal stands in this conversation"), now_us)
             return
         try:
+            self._leading.check(called.act, called.content, now_us)  # the permit may have ended since
             self._leading.lead(called.act, called.content, called.texts, called.plan, now_us)
         except DyknowError as wrong:
             self._agent.answer(called.act, P.FAILURE, Reason(text=str(wrong)[:1000]), now_us)
