@@ -69,7 +69,7 @@ class MissionClaim:
 class AwaitedMissions:
     """Missions that may join, each with why it commands nothing then; empty: it commands at once.
 
-    A user's own order holds them all, whether they were ended since or not, until the user resumes, or permits one anew.
+    A user's own order holds them all, whether they were ended since or not, until the user resumes, or permits one again.
     """
 
     def __init__(self) -> None:
@@ -86,7 +86,7 @@ class AwaitedMissions:
         self._why = {name: why or reason for name, why in self._why.items()}
 
     def resume(self) -> bool:
-        """None waits any more; whether one did."""
+        """All command from now on; whether one waited."""
         waited = any(self._why.values())
         self._why = dict.fromkeys(self._why, "")
         return waited
@@ -96,7 +96,7 @@ class AwaitedMissions:
         return MissionClaim(name, self._why.pop(name, ""))
 
     def leaves(self, claim: MissionClaim, *, is_over: bool) -> None:
-        """One that waits does so when it joins again, though it was over: who ends it may not be who had it wait."""
+        """One that waits does so when it joins again, though it was over: its leader may have ended it."""
         if claim.name and (claim.waits or not is_over):
             self.expect(claim.name, claim.waits)
 

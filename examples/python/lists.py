@@ -1,4 +1,4 @@
-"""As in a notebook: what platforms do, see and have said to each other; a task is ended by its name."""
+"""As in a notebook: what platforms do, see and write to each other; a task is ended by its name."""
 
 import dyknow
 

@@ -70,7 +70,7 @@ def denied(wire: Box, by: str, agent: str, action: Action) -> str | None:
     boot = wire.member(by).boot
     act = Act(
         performative, AgentName("interface", by), AgentName(agent, "0"), example(action).expr(),
-        conversation_id=f"{by}-{number}", boot=boot + 1, seq=number, created_us=wire.now_us,
+        conversation_id=f"{by}-{boot + 1:x}-{number}", boot=boot + 1, seq=number, created_us=wire.now_us,
     )  # fmt: skip
     wire.put(act.key, encode_act(act, signer(by)))
     wire.run(0.2)

@@ -71,7 +71,7 @@ class Flooder:
             AgentName("interface", self.unit),
             AgentName("interface", "0"),
             content.expr(),
-            conversation or f"{self.unit}-{self.seq}",
+            conversation or f"{self.unit}-{self.boot:x}-{self.seq}",
             "fipa-request",
             reply_with=f"r{self.seq}",
             reply_by_us=self.box.now_us + 2_000_000,

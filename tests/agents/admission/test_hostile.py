@@ -120,7 +120,7 @@ def test_names_by_the_thousand_open_no_conversations_for_ever() -> None:
         now_us += 1_000
         act = Act(
             P.QUERY_REF, AgentName("interface", f"n{at}"), AgentName("interface", "0"),
-            Query(semantic_label="battery", scope="global").expr(), conversation_id=f"c-{at}", boot=1, created_us=now_us,
+            Query(semantic_label="battery", scope="global").expr(), conversation_id=f"n{at}-1-{at}", boot=1, created_us=now_us,
         )  # fmt: skip
         platform.on_event(Arrived(act.key, now_us, encode_act(act)), now_us)
     while now_us < EPOCH + 30_000_000:
@@ -216,7 +216,7 @@ def test_forged_foreign_unsigned_and_replayed_acts_are_counted_and_not_acted_on(
     def order(seq: int) -> Act:
         return Act(
             P.REQUEST, AgentName("interface", "cc"), AgentName("interface", "0"), Hold().expr(),
-            conversation_id=f"cc-{seq}", boot=boot, seq=seq, created_us=signed.now_us,
+            conversation_id=f"cc-{boot:x}-{seq}", boot=boot, seq=seq, created_us=signed.now_us,
         )  # fmt: skip
 
     good = encode_act(order(900), signer("cc"))
@@ -237,7 +237,7 @@ def test_forged_foreign_unsigned_and_replayed_acts_are_counted_and_not_acted_on(
 def test_what_was_said_under_another_key_is_not_believed(signed: Box) -> None:
     act = Act(
         P.REQUEST, AgentName("interface", "cc"), AgentName("interface", "0"), Hold().expr(),
-        conversation_id="cc-1", boot=1, seq=1, created_us=signed.now_us,
+        conversation_id="cc-1-1", boot=1, seq=1, created_us=signed.now_us,
     )  # fmt: skip
     for key in (keys.act("0", "1", "interface"), keys.act("0", "cc", "pilot")):
         signed.put(key, encode_act(act, signer("cc")))

@@ -283,7 +283,9 @@ class HostileFederation:
     def _act(self, by: str, to: str, content: contents.ContentPart, talk: Conversation | None) -> Act:
         random = self.random
         now_us = self.world.now_us
-        conversation, answers = f"{by}-x-{self.acts}.{to}", None
+        process = self.world.nodes[by].process
+        assert process is not None
+        conversation, answers = process.member.acts.conversations.new_conversation(to), None
         if talk is not None:
             conversation = talk.opening.conversation_id or "t"
             answers = talk.opening.reply_with if talk.ours else None

@@ -47,7 +47,7 @@ def test_a_request_to_the_command_centre_is_refused() -> None:
         AgentName("interface", "0"),
         AgentName("interface", "cc-1"),
         Hold().expr(),
-        conversation_id="c1",
+        conversation_id="0-0-1",
         reply_with="r1",
         seq=1,
     )
@@ -127,7 +127,7 @@ def test_with_a_roster_an_act_is_believed_once_and_its_replay_only_acknowledged(
         AgentName("interface", "0"),
         AgentName("interface", "cc-1"),
         Hold().expr(),
-        conversation_id="c1",
+        conversation_id="0-0-2",
         reply_with="r1",
         seq=1,
         created_us=NOW_US + 1,

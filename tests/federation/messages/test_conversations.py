@@ -407,7 +407,7 @@ def test_nobody_opens_more_conversations_than_the_quota() -> None:
         hear(b, put)
     with pytest.raises(Refused):
         a.send(act(P.REQUEST), 0)
-    (refusal,) = b.on_act(act(P.REQUEST, conversation_id="hostile", boot=1, seq=999), 0)
+    (refusal,) = b.on_act(act(P.REQUEST, conversation_id="a-1-hostile", boot=1, seq=999), 0)
     assert isinstance(refusal, Put)
     assert decode_act(refusal.payload)[0].performative is P.REFUSE
     assert len(b.conversations()) == OPEN_PER_PEER
