@@ -101,7 +101,7 @@ class Forger:
         sender = rng.choice(["cc", "cc", "cc-77", "1", "2", "9"])
         act = Act(
             rng.choice(list(P)), AgentName("interface", sender), AgentName("interface", "0"), rng.choice(CONTENTS).expr(),
-            rng.choice(["cc-1", f"f-{self._seq}"]), "fipa-request", reply_by_us=now_us + 2_000_000, ontology="dyknow",
+            rng.choice(["cc-1-1", f"{sender}-1-{self._seq}"]), "fipa-request", reply_by_us=now_us + 2_000_000, ontology="dyknow",
             boot=rng.choice([1, EPOCH, self._box.member("cc").boot]), seq=rng.choice([1, 2, self._seq]),
             created_us=now_us + rng.choice([0, -1000, -(10**9)]),
         )  # fmt: skip

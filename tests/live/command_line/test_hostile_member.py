@@ -132,17 +132,17 @@ def test_a_member_with_a_valid_key_ends_halts_and_moves_nothing(secured: tuple[D
     dyknow, member, task = secured
     before, watched = places(dyknow), {(m["by"], m["monitor"], *m["units"]) for m in dyknow.run("monitors")}
     assert {by for by, *_ in watched} == {0, 1, 2}
-    asked: dict[str, str] = {}
+    asked, own = dict[str, str](), f"3-{member.boot:x}-"
     for to in UNITS:
         for generation in (1, 2, 2**31):
             for name in BOTH:
-                asked[f"3-{to}-{generation}-{name}"] = to
+                asked[f"{own}{to}-{generation}-{name}"] = to
                 claim = CreateMonitor(name=name, task=task, coordinator="3", generation=generation, avoidance=False)
-                member.say(to, P.REQUEST, claim, f"3-{to}-{generation}-{name}")
+                member.say(to, P.REQUEST, claim, f"{own}{to}-{generation}-{name}")
         commands = (Hold(), Goto(latitude_deg=58.0, longitude_deg=15.0, altitude_m=100.0))
         for number, command in enumerate(commands):
-            asked[f"3-{to}-fly-{number}"] = to
-            member.say(to, P.REQUEST, command, f"3-{to}-fly-{number}")
+            asked[f"{own}{to}-fly-{number}"] = to
+            member.say(to, P.REQUEST, command, f"{own}{to}-fly-{number}")
         member.say(to, P.INFORM, HandOver(task=task, coordinator="3", boot=member.boot, generation=2), task)
         made_up = Alarm(
             id="x/1", event="opened", monitor="proximity", by="3", units=("1", "0"), valid_us=1, detected_us=2
@@ -209,16 +209,17 @@ def test_a_member_that_is_shown_the_evidence_takes_no_aircraft_and_ends_no_divis
         CommandEntry(name="take-off", numbers=(20.0,)),
         CommandEntry(name="goto", numbers=(55.7275, 13.46, 118.0)),
     )
+    own = f"3-{member.boot:x}-"
     for to in UNITS:
         for number, proof in enumerate((evidence, b"")):
             rings = (AreaRing(corners=AREA[:3]),)
             for name in (task, "3-x.3"):
                 member.say(to, P.INFORM, AssignArea(task=name, generation=99, rings=rings), name, proof)
-            member.say(to, P.REQUEST, JoinMission(mission=task), f"3-join-{to}-{number}", proof)
-            asked.add(f"3-join-{to}-{number}")
+            member.say(to, P.REQUEST, JoinMission(mission=task), f"{own}join-{to}-{number}", proof)
+            asked.add(f"{own}join-{to}-{number}")
         fly = PerformCommands(mission=task, step=1, action="scans 50% of it", commands=commands)
-        member.say(to, P.REQUEST, fly, f"3-fly-{to}")
-        asked.add(f"3-fly-{to}")
+        member.say(to, P.REQUEST, fly, f"{own}fly-{to}")
+        asked.add(f"{own}fly-{to}")
     answers = member.answered(asked)
     for conversation in asked:
         assert {performative for performative, _ in answers[conversation]} == {"refuse"}, conversation
