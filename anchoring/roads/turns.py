@@ -1,9 +1,9 @@
 """The way from one link to another at a crossing: left, right, straight, uturn (thesis 8.7.4), and the curve that is driven.
 
 The turn from arm a to arm b is the angle by which the heading changes, left positive, so that the turn back is its
-negative: a left turn one way is a right turn the other way. Straight is what changes the heading by 15 degrees at most, or by less
-than 45 where every other way that lanes lead into and out of the two arms turns by 10 degrees more. Back on the same link, or by 165
-degrees and more, is a U-turn.
+negative: where lanes lead both ways, a left turn one way is a right turn the other way. Straight is what changes the heading by 15
+degrees at most, or by less than 45 where every other way into and out of the two arms, in which a lane leads, turns by 10 degrees
+more. Back on the same link, or by 165 degrees and more, is a U-turn.
 
 The curve leaves the lane of the one link where the crossing begins, and reaches that of the next where it ends, along their
 headings: a cubic Bezier curve that is a quarter of a circle where the way turns by a right angle. It is shorter than the two

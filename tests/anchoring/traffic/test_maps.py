@@ -3,6 +3,7 @@
 import json
 import os
 import shutil
+from collections.abc import Callable
 from pathlib import Path
 
 import pytest
@@ -15,7 +16,7 @@ from tests.command import run
 from tests.docs.pages import ROOT, environment
 
 EXAMPLES = ROOT / "examples" / "traffic"
-SEEDS = range(20) if os.environ.get("DYKNOW_FULL") else range(2)
+SEEDS = range(20) if os.environ.get("DYKNOW_FULL") else range(1)
 CARS, SECONDS = 5, 60.0
 IN = {"left": "turn_left_in", "right": "turn_right_in", "straight": "straight_through", "back": "turn_back_in"}
 UNITS = """
@@ -26,26 +27,31 @@ UNITS = road_units(read_roads((Path(__file__).parent / "map").read_bytes()))
 """
 
 
-def turns_alone() -> str:
+def turns_alone(roads: RoadNetwork, *, in_degrees: bool) -> str:
     """The specification of traffic monitoring up to its chronicles of turns, each of them as a stream."""
     text = (EXAMPLES / "monitoring.kpl").read_text("utf-8")
+    if in_degrees and roads.frame is not None:
+        text = text.replace("x_m in m, y_m in m, on_road", "latitude_deg in deg, longitude_deg in deg, on_road")
+        place = roads.frame.latitude_deg, roads.frame.longitude_deg
+        text = "define ORIGIN_LATITUDE_DEG = {:.7f}\ndefine ORIGIN_LONGITUDE_DEG = {:.7f}\n".format(*place) + text
     begun = text[: text.index("stream turns_left")]
     found = ((f"{kind}{way}", f"{name}_crossing{way}") for kind, name in IN.items() for way in ("", "_predicted"))
     return begun + "".join(f"stream {stream} = chronicle[{chronicle}]\n" for stream, chronicle in found)
 
 
 def recognised(folder: Path, text: str, seen: list[tuple[int, str, Point]]) -> set[Turn]:
-    """The turns, with the names of the town for roads and crossings."""
+    """The turns, with the names of the town for roads and crossings; on OpenStreetMap cars are seen in degrees."""
     roads = read_roads(text)
+    in_degrees = format_of(text) == OPENSTREETMAP
     place = placing(text, roads)
     (folder / "map").write_text(text, "utf-8")
     (folder / "map.py").write_text(UNITS, "utf-8")
-    (folder / "turns.kpl").write_text(turns_alone(), "utf-8")
+    (folder / "turns.kpl").write_text(turns_alone(roads, in_degrees=in_degrees), "utf-8")
     shutil.copy(EXAMPLES / "turns.chr", folder)
     with (folder / "feed.jsonl").open("w") as feed:
         for t_ms, car, at in seen:
-            x, y = place(at)
-            feed.write(json.dumps({"t_ms": t_ms, "tracker": [car, round(x, 3), round(y, 3), True]}) + "\n")
+            one, other = (round(each, 7 if in_degrees else 3) for each in place(at))
+            feed.write(json.dumps({"t_ms": t_ms, "tracker": [car, one, other, True]}) + "\n")
     call = ["kpl", "run", "turns.kpl", "--units", "map.py", "--feed", "feed.jsonl", "--json"]
     done = run(call, environment(folder), folder)
     assert done.returncode == 0, done.stderr
@@ -60,11 +66,13 @@ def recognised(folder: Path, text: str, seen: list[tuple[int, str, Point]]) -> s
     return found
 
 
-def placing(text: str, roads: RoadNetwork):
-    """From x and y of the town to those of a map."""
-    if format_of(text) == SUMO:
+def placing(text: str, roads: RoadNetwork) -> Callable[[Point], Point]:
+    """From x and y of the town to those of a map, or to degrees."""
+    name = format_of(text)
+    if name == SUMO:
         return lambda at: (at[0] + SUMO_SHIFT[0], at[1] + SUMO_SHIFT[1])
-    return lambda at: roads.to_local(*ORIGIN.from_ned(at[1], at[0], 0.0)[:2])
+    assert roads.frame is not None
+    return lambda at: ORIGIN.from_ned(at[1], at[0], 0.0)[:2] if name == OPENSTREETMAP else at
 
 
 def own_names(roads: RoadNetwork) -> dict[str, str]:
