@@ -170,7 +170,7 @@ class _ObservationLine(JsonLine):
         return [east_m, north_m]
 
     def _finite(self, key: str, most: float) -> float:
-        value = self.record.get(key)
+        value: Any = self.record.get(key)
         if not _is_number(value, most):
             problem = "is missing" if value is None else f"is a number within {most:g}"
             raise self.error(f"{key} {problem}", f'"{key}": 1.0')

@@ -1,0 +1,115 @@
+"""Names for detections that have none: what is found where something was expected gets its name.
+
+A detector without a tracker says where things are, image by image. Here each detection is a percept from the first on: a thing is
+expected to move on as it did, `_SPEED_SD_M_S` at first, and what is nearest to that within the gate is it. After a silence
+of some periods its name has ended, and which object comes back is for links to say.
+"""
+
+import math
+from collections.abc import Sequence
+from typing import Final, NamedTuple
+
+from anchoring.links.assignment import assigned
+from anchoring.links.rhythm import Rhythm
+from anchoring.links.states import ObjectState
+from dyknow import US_PER_S
+
+_GATE: Final = 20.0
+"""The square of the distance, in standard deviations, that one detection in 20 000 of the thing exceeds: it would have two names."""
+_SPEED_SD_M_S: Final = 6.0
+"""On each axis, of a thing that was detected once."""
+_CHANGE_M2_S3: Final = 2.0
+"""Density of the noise of its acceleration."""
+_LEAST_SILENCE_US: Final = US_PER_S // 2
+_SILENCES: Final = 2
+"""A name outlives what ends a percept by so much: it was missed two or three times."""
+_ALL = ""
+
+
+class _Named:
+    """One thing: a Kalman filter with constant velocity, whose axes have one covariance: position, both, velocity."""
+
+    __slots__ = ("covariance", "hits", "name", "place", "seen_us", "velocity")
+
+    def __init__(self, name: str, state: ObjectState) -> None:
+        self.name, self.seen_us, self.hits = name, state.valid_us, 1
+        self.place, self.velocity = (state.x_m, state.y_m), (state.vx_m_s, state.vy_m_s)
+        speed_variance = min(_SPEED_SD_M_S**2, float(state.covariance[2, 2]))
+        self.covariance = _variance(state), 0.0, speed_variance
+
+    def expected(self, now_us: int) -> tuple[float, float, tuple[float, float, float]]:
+        """Where it is expected, and the covariance of an axis then."""
+        dt = (now_us - self.seen_us) / US_PER_S
+        (x, y), (vx, vy), (pp, pv, vv) = self.place, self.velocity, self.covariance
+        q = _CHANGE_M2_S3
+        return x + dt * vx, y + dt * vy, (pp + 2 * dt * pv + dt * dt * vv + q * dt**3 / 3, pv + dt * vv + q * dt * dt / 2, vv + q * dt)  # fmt: skip
+
+    def take(self, state: ObjectState) -> None:
+        x, y, (pp, pv, vv) = self.expected(state.valid_us)
+        whole = pp + _variance(state)
+        gain, gain_v = pp / whole, pv / whole
+        off_x, off_y = state.x_m - x, state.y_m - y
+        self.place = x + gain * off_x, y + gain * off_y
+        self.velocity = self.velocity[0] + gain_v * off_x, self.velocity[1] + gain_v * off_y
+        self.covariance = (1 - gain) * pp, (1 - gain) * pv, vv - gain_v * pv
+        self.seen_us, self.hits = state.valid_us, self.hits + 1
+
+
+class NamedDetection(NamedTuple):
+    """A detection and the name of the thing that it is of."""
+
+    name: str
+    state: ObjectState
+
+
+class DetectionNames:
+    """Detections of one kind in, names out.
+
+    Args:
+        prefix: of the names.
+    """
+
+    def __init__(self, prefix: str = "d") -> None:
+        self._prefix, self._count = prefix, 0
+        self._known: list[_Named] = []
+        self._rhythm = Rhythm()
+
+    def named(self, now_us: int, detections: Sequence[ObjectState]) -> list[NamedDetection]:
+        """All detections of one instant, after those of earlier ones; there may be none. Things that were followed come first."""
+        self._rhythm.on_sample(_ALL, now_us)
+        silence_us = max(_LEAST_SILENCE_US, _SILENCES * self._rhythm.silence_us(_ALL))
+        self._known = [each for each in self._known if now_us - each.seen_us <= silence_us]
+        found: dict[int, str] = {}
+        for things in (
+            [each for each in self._known if each.hits > 1],
+            [each for each in self._known if each.hits == 1],
+        ):
+            left = [number for number in range(len(detections)) if number not in found]
+            for thing, number in _pairs(now_us, things, detections, left):
+                thing.take(detections[number])
+                found[number] = thing.name
+        for number, state in enumerate(detections):
+            if number not in found:
+                self._count += 1
+                found[number] = f"{self._prefix}{self._count}"
+                self._known.append(_Named(found[number], state))
+        return [NamedDetection(found[number], state) for number, state in enumerate(detections)]
+
+
+def _pairs(
+    now_us: int, things: Sequence[_Named], detections: Sequence[ObjectState], left: Sequence[int]
+) -> list[tuple[_Named, int]]:
+    distances: dict[tuple[str, str], float] = {}
+    for index, thing in enumerate(things):
+        x, y, (pp, _, _) = thing.expected(now_us)
+        for number in left:
+            state = detections[number]
+            distance = ((state.x_m - x) ** 2 + (state.y_m - y) ** 2) / (pp + _variance(state))
+            if distance < _GATE:
+                distances[str(index), str(number)] = distance
+    return [(things[int(index)], int(number)) for index, number in assigned(distances)]
+
+
+def _variance(state: ObjectState) -> float:
+    """Of a position on one axis."""
+    return math.hypot(float(state.covariance[0, 0]), float(state.covariance[1, 1])) / math.sqrt(2.0)
