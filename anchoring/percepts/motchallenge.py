@@ -4,8 +4,8 @@
     frame, id, bb_left, bb_top, bb_width, bb_height, conf, class, visibility
 
 Frames count from 1; id is -1 of a detection without a name. Its place is x, y in metres where the text has them, which are -1
-otherwise: then it is the middle of the lower edge of the box, with so many metres a pixel, x to the right and y up,
-and wrong by 2 pixels or 5 % of the height. In a text with names `conf` 0 marks what does not count. Lines need no order.
+otherwise: then it is the middle of the lower edge of the box, by the scale that is given, x to the right and y up, and wrong by
+2 pixels or 5 % of the height. In a text with names `conf` 0 marks what does not count. Lines need no order.
 """
 
 import json
@@ -21,7 +21,9 @@ _LEAST, _MOST = 6, 10
 _CLASSES: Final = 9
 """Numbers of a line that ends in a class and a visibility."""
 _LEAST_SD_PIXELS, _SD_OF_HEIGHT = 2.0, 0.05
-"""How wrong the lower edge of a box is: so many pixels, or such a share of its height."""
+"""How wrong the lower edge of a box is: pixels, or a share of its height."""
+_KINDS: Final = {1: "pedestrian", 2: "rider", 3: "car", 4: "bicycle", 5: "motorbike", 7: "person"}
+"""Classes by their numbers."""
 _NONE: Final = -1.0
 _EXAMPLE: Final = "1, -1, 794.2, 47.5, 71.2, 174.8, 0.9, -1, -1, -1"
 _FRAMES: Final = 1e9
@@ -101,7 +103,8 @@ def _record(text: str, number: int, file: str, given: MotSettings) -> dict[str, 
     if confidence is not None:
         record["confidence"] = confidence
     if len(numbers) == _CLASSES:
-        record |= {"class": int(numbers[-2]), "visibility": numbers[-1]}
+        number_of = int(numbers[-2])
+        record |= {"class": _KINDS.get(number_of, str(number_of)), "visibility": numbers[-1]}
     return record
 
 

@@ -1,7 +1,7 @@
 """Names for detections that have none: what is found where something was expected gets its name.
 
 A detector without a tracker says where things are, image by image. Here each detection is a percept from the first on: a thing is
-expected to move on as it did, `_SPEED_SD_M_S` at first, and what is nearest to that within the gate is it. After a silence
+expected to move on as it did, at first as fast as its kind, and what is nearest to that within the gate is it. After a silence
 of some periods its name has ended, and which object comes back is for links to say.
 """
 
@@ -10,6 +10,7 @@ from collections.abc import Sequence
 from typing import Final, NamedTuple
 
 from anchoring.links.assignment import assigned
+from anchoring.links.motion import BIKE, CAR, WALKER, kind_of
 from anchoring.links.rhythm import Rhythm
 from anchoring.links.states import ObjectState
 from dyknow import US_PER_S
@@ -17,12 +18,13 @@ from dyknow import US_PER_S
 _GATE: Final = 20.0
 """The square of the distance, in standard deviations, that one detection in 20 000 of the thing exceeds: it would have two names."""
 _SPEED_SD_M_S: Final = 6.0
-"""On each axis, of a thing that was detected once."""
+"""On each axis, of a thing that was detected once, and names no kind."""
+_SPEEDS_SD_M_S: Final = {WALKER: 1.5, BIKE: 4.0, CAR: 10.0}
 _CHANGE_M2_S3: Final = 2.0
 """Density of the noise of its acceleration."""
 _LEAST_SILENCE_US: Final = US_PER_S // 2
 _SILENCES: Final = 2
-"""A name outlives what ends a percept by so much: it was missed two or three times."""
+"""A name outlives what ends a percept by that factor: the detector overlooked the thing for some images."""
 _ALL = ""
 
 
@@ -34,7 +36,9 @@ class _Named:
     def __init__(self, name: str, state: ObjectState) -> None:
         self.name, self.seen_us, self.hits = name, state.valid_us, 1
         self.place, self.velocity = (state.x_m, state.y_m), (state.vx_m_s, state.vy_m_s)
-        speed_variance = min(_SPEED_SD_M_S**2, float(state.covariance[2, 2]))
+        kind = kind_of(state)
+        speed_m_s = _SPEED_SD_M_S if kind is None else _SPEEDS_SD_M_S[kind]
+        speed_variance = min(speed_m_s**2, float(state.covariance[2, 2]))
         self.covariance = _variance(state), 0.0, speed_variance
 
     def expected(self, now_us: int) -> tuple[float, float, tuple[float, float, float]]:
