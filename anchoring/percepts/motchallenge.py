@@ -9,14 +9,15 @@ otherwise: then it is the middle of the lower edge of the box, by the scale that
 """
 
 import json
-from collections.abc import Callable, Iterable
+from collections.abc import Callable, Iterable, Iterator
 from math import isfinite
+from operator import itemgetter
 from typing import Any, Final, NamedTuple
 
 from dyknow.model.errors import TextError
 from dyknow.model.instants import US_PER_MS, US_PER_S
 
-MOST_LINES: Final = 5_000_000
+MOST_LINES: Final = 2_000_000
 _LEAST, _MOST = 6, 10
 _CLASSES: Final = 9
 """Numbers of a line that ends in a class and a visibility."""
@@ -27,6 +28,8 @@ _KINDS: Final = {1: "pedestrian", 2: "rider", 3: "car", 4: "bicycle", 5: "motorb
 _NONE: Final = -1.0
 _EXAMPLE: Final = "1, -1, 794.2, 47.5, 71.2, 174.8, 0.9, -1, -1, -1"
 _FRAMES: Final = 1e9
+_LONGEST: Final = 400
+"""The most characters of a line."""
 
 
 class MotSettings(NamedTuple):
@@ -43,37 +46,49 @@ class MotSettings(NamedTuple):
 
 def is_motchallenge(line: str | bytes) -> bool:
     """Whether the first line of a text is one of this format, and not of JSON."""
-    text = line.decode("utf-8-sig", errors="replace") if isinstance(line, bytes) else line
-    return _numbers(text) is not None
+    return _numbers(_decoded(line)) is not None
 
 
 def has_places(line: str | bytes) -> bool:
     """Whether a line has a place on the ground, in metres."""
-    text = line.decode("utf-8-sig", errors="replace") if isinstance(line, bytes) else line
-    return _place(_numbers(text) or []) is not None
+    return _place(_numbers(_decoded(line)) or []) is not None
 
 
 def percept_lines(
     lines: Iterable[str | bytes], file: str, given: MotSettings, on_error: Callable[[TextError], None]
-) -> list[tuple[int, str]]:
+) -> Iterator[tuple[int, str]]:
     """Lines of JSON, with the numbers of the lines that they are from, in the order of time."""
-    found: list[tuple[float, int, str]] = []
+    kept: list[tuple[float, int, str | bytes]] = []
+    frame = 0.0
     for number, line in enumerate(lines, 1):
-        text = line.decode("utf-8-sig", errors="replace") if isinstance(line, bytes) else line
-        if not text.strip():
-            continue
+        if number > MOST_LINES:
+            on_error(_error(f"at most {MOST_LINES} lines are read", "a part of it", number, file))
+            break
+        if line.strip():
+            frame = _frame(line, frame)
+            kept.append((frame, number, line))
+    kept.sort(key=itemgetter(0, 1))
+    for _, number, line in kept:
         try:
-            if number > MOST_LINES:
-                raise _error(f"at most {MOST_LINES} lines are read", "a part of it", number, file)
-            record = _record(text, number, file, given)
+            record = _record(_decoded(line), number, file, given)
         except TextError as error:
             on_error(error)
-            if number > MOST_LINES:
-                break
             continue
         if record is not None:
-            found.append((record["t_ms"], number, json.dumps(record)))
-    return [(number, text) for _, number, text in sorted(found)]
+            yield number, json.dumps(record)
+
+
+def _decoded(line: str | bytes) -> str:
+    return line.decode("utf-8-sig", errors="replace") if isinstance(line, bytes) else line
+
+
+def _frame(line: str | bytes, before: float) -> float:
+    """Of what is no line of this format that of the line before."""
+    try:
+        frame = float(_decoded(line[:_LONGEST]).partition(",")[0])
+    except ValueError:
+        return before
+    return frame if isfinite(frame) else before
 
 
 def _record(text: str, number: int, file: str, given: MotSettings) -> dict[str, Any] | None:
@@ -110,6 +125,8 @@ def _record(text: str, number: int, file: str, given: MotSettings) -> dict[str, 
 
 def _numbers(text: str) -> list[float] | None:
     """The numbers of a line, if it is one of this format."""
+    if len(text) > _LONGEST:
+        return None
     parts = text.strip().rstrip(",").split(",")
     if not _LEAST <= len(parts) <= _MOST:
         return None

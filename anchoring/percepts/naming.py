@@ -5,9 +5,10 @@ expected to move on as it did, at first as fast as its kind, and what is nearest
 of some periods its name has ended, and which object comes back is for links to say.
 """
 
-import math
 from collections.abc import Sequence
 from typing import Final, NamedTuple
+
+import numpy as np
 
 from anchoring.links.assignment import assigned
 from anchoring.links.motion import BIKE, CAR, WALKER, kind_of
@@ -103,17 +104,18 @@ class DetectionNames:
 def _pairs(
     now_us: int, things: Sequence[_Named], detections: Sequence[ObjectState], left: Sequence[int]
 ) -> list[tuple[_Named, int]]:
-    distances: dict[tuple[str, str], float] = {}
-    for index, thing in enumerate(things):
-        x, y, (pp, _, _) = thing.expected(now_us)
-        for number in left:
-            state = detections[number]
-            distance = ((state.x_m - x) ** 2 + (state.y_m - y) ** 2) / (pp + _variance(state))
-            if distance < _GATE:
-                distances[str(index), str(number)] = distance
-    return [(things[int(index)], int(number)) for index, number in assigned(distances)]
+    if not things or not left:
+        return []
+    expected = [thing.expected(now_us) for thing in things]
+    places = np.array([each[:2] for each in expected])
+    seen = np.array([detections[number][1:3] for number in left])
+    spreads = np.add.outer([each[2][0] for each in expected], [_variance(detections[number]) for number in left])
+    distances = ((places[:, None, :] - seen[None, :, :]) ** 2).sum(axis=2) / spreads
+    near = zip(*(each.tolist() for each in np.nonzero(distances < _GATE)), strict=True)
+    scores = {(str(index), str(left[at])): float(distances[index, at]) for index, at in near}
+    return [(things[int(index)], int(number)) for index, number in assigned(scores)]
 
 
 def _variance(state: ObjectState) -> float:
-    """Of a position on one axis."""
-    return math.hypot(float(state.covariance[0, 0]), float(state.covariance[1, 1])) / math.sqrt(2.0)
+    """Of a position on one axis, in the mean."""
+    return float(state.covariance[0, 0] + state.covariance[1, 1]) / 2.0
