@@ -12,6 +12,8 @@ ECCENTRICITY_2 = FLATTENING * (2 - FLATTENING)
 SEMI_MINOR_M = SEMI_MAJOR_M * (1 - FLATTENING)
 _SECOND_ECCENTRICITY_2 = ECCENTRICITY_2 / (1 - ECCENTRICITY_2)
 
+_STEPS, _NEAR_M = 4, 0.01
+
 
 def to_ecef(latitude_deg: float, longitude_deg: float, altitude_m: float) -> tuple[float, float, float]:
     """Earth-centred, earth-fixed metres: x through 0 N 0 E, z through the north pole.
@@ -84,6 +86,16 @@ class LocalFrame:
             y0 + b * north_m + e * east_m + h * down_m,
             z0 + c * north_m + f * east_m + i * down_m,
         )
+
+    def level(self, north_m: float, east_m: float, altitude_m: float) -> tuple[float, float]:
+        """(latitude_deg, longitude_deg) of what is so far north and east at that altitude: `to_ned` turned round."""
+        down_m = self.altitude_m - altitude_m
+        for _ in range(_STEPS):
+            latitude_deg, longitude_deg, reached_m = self.from_ned(north_m, east_m, down_m)
+            if abs(reached_m - altitude_m) < _NEAR_M:
+                break
+            down_m += reached_m - altitude_m
+        return latitude_deg, longitude_deg
 
 
 def metres_per_degree(latitude_deg: float) -> tuple[float, float]:

@@ -10,10 +10,13 @@ from typing import Any, Final, NamedTuple
 import numpy as np
 
 from anchoring.belief.arrays import Floats
+from navigation import LocalFrame
 
 EVENT, SHARE = "event", "share"
 READINGS: Final = (EVENT, SHARE)
 POSITION: Final = "position_m"
+ALTITUDE: Final = "altitude_m"
+"""The attribute that is the height above the ellipsoid where positions are on earth."""
 """The attribute that regions and fields of view are about."""
 _NOTHING: Mapping[str, Any] = MappingProxyType({})
 
@@ -209,6 +212,7 @@ class WorldModel:
 
     Attributes:
         lifetime_s: tau of existence: without observations it decays by exp(-t / tau).
+        frame: where x = y = 0 of positions is on earth, if that is known.
     """
 
     types: ObjectTypes
@@ -221,6 +225,7 @@ class WorldModel:
     lifetime_s: float = inf
     limits: WorldLimits = _USUAL_LIMITS
     initial: Sequence[InitialInstance] = ()
+    frame: LocalFrame | None = None
 
     @property
     def area(self) -> tuple[float, float, float, float] | None:

@@ -3,9 +3,11 @@
     {"t_ms": 100, "percept": "vp1", "type": "vision_percept", "x_m": 1.0, "y_m": 2.0, "sd_m": 0.8,
      "vx_m_s": 9.0, "vy_m_s": 0.1, "colour": "red"}
     {"t_ms": 900, "percept": "vp1", "end": true}
+    {"t_ms": 1000, "x_m": 3.0, "y_m": 2.0}
     {"t_ms": 30000}
 
-A time alone is a tick without percepts: time passes until then. Velocity, `sd_m` (1 m) and attributes are optional, `type` too where there is but one; `latitude_deg` and `longitude_deg` may
+A line without `percept` is a detection without a name, which gets one from where things of its type were (`DetectionNames`): all
+percepts of a type have names, or none has. A time alone is a tick without percepts: time passes until then. Velocity, `sd_m` (1 m) and attributes are optional, `type` too where there is but one; `latitude_deg` and `longitude_deg` may
 take the place of x (east) and y (north); a whole number may be the name of a percept. Lines are in the order of time; those
 with one `t_ms` are one tick. A line that cannot be used is reported with its number and left out, and so is a percept that a tick has twice with other contents, and a
 tick that is far ahead of the lines before and after it.
@@ -18,6 +20,7 @@ from typing import Any, Final, NamedTuple, TypeAlias
 from anchoring.links.states import ObjectState, diagonal
 from anchoring.links.structures import Percept
 from anchoring.percepts.leaps import PerceptLeaps
+from anchoring.percepts.naming import DetectionNames
 from dyknow import US_PER_MS, US_PER_S, Value
 from dyknow.model.errors import TextError, did_you_mean
 from navigation import LocalFrame
@@ -84,10 +87,21 @@ class PerceptReader:
         self._latest_us: int | None = None
         self._before_us: int | None = None
         self._first: _PerceptLine | None = None
+        self._names: dict[str, DetectionNames] = {}
+        self._with_names = set[str]()
+
+    @property
+    def unnamed(self) -> tuple[str, ...]:
+        """The types whose percepts have no names in the text."""
+        return tuple(self._names)
 
     def ticks(self, lines: Iterable[str | bytes]) -> Iterator[PerceptTick]:
         """The ticks, one as soon as a line of the next is read."""
-        for number, text in enumerate(lines, 1):
+        return self.numbered_ticks(enumerate(lines, 1))
+
+    def numbered_ticks(self, lines: Iterable[tuple[int, str | bytes]]) -> Iterator[PerceptTick]:
+        """The ticks of lines with their numbers in the text that they are from."""
+        for number, text in lines:
             try:
                 if text.strip():
                     yield from self._on_line(_PerceptLine(text, number, self._file))
@@ -120,6 +134,7 @@ class PerceptReader:
 
     def _take(self, line: "_PerceptLine", percept: Percept, tick: "_Tick") -> None:
         """A percept of the tick that is being read."""
+        self._check_names(line, percept.type)
         key = percept.type, percept.symbol
         if len(tick) >= MOST_IN_TICK and key not in tick:
             raise line.error(f"a tick has at most {MOST_IN_TICK} percepts", "fewer percepts a tick")
@@ -129,16 +144,35 @@ class PerceptReader:
                 f"{percept.symbol} has two different samples at t_ms {line.time_ms():g}: neither counts",
                 "one sample of a percept a time, or another name",
             )
-        if key not in tick and (leap_m := self._leaps.leap_m(percept)) is not None:
+        if not line.is_unnamed and key not in tick and (leap_m := self._leaps.leap_m(percept)) is not None:
             raise line.error(f"{percept.symbol} is {leap_m:g} m from where it was", "one name for each thing")
         tick.setdefault(key, percept)
+
+    def _check_names(self, line: "_PerceptLine", type_: str) -> None:
+        """All percepts of a type have names, or none has."""
+        if line.is_unnamed:
+            if type_ in self._with_names:
+                raise line.error(f"percepts of the type {type_} have names here, and this one has none", _EXAMPLE)
+            self._names.setdefault(type_, DetectionNames(f"{type_[:1]}d"))
+        elif type_ in self._names:
+            raise line.error(f"percepts of the type {type_} have no names here, and this one has", "no percept in it")
+        else:
+            self._with_names.add(type_)
 
     def _completed(self) -> Iterator[PerceptTick]:
         """The tick that is being read, which is over."""
         tick, self._tick, self._first = self._tick, None, None
         if tick is not None and self._latest_us is not None:
             self._before_us = self._latest_us
-            yield PerceptTick(self._latest_us, [each for each in tick.values() if each is not None])
+            yield PerceptTick(self._latest_us, self._named(self._latest_us, tick))
+
+    def _named(self, valid_us: int, tick: "_Tick") -> list[Percept]:
+        """The percepts of a tick, each with a name."""
+        percepts = [each for (type_, _), each in tick.items() if each is not None and type_ not in self._names]
+        for type_, names in self._names.items():
+            states = [one.state for (of, _), one in tick.items() if of == type_ and one is not None and one.state]
+            percepts += [Percept(name, type_, state) for name, state in names.named(valid_us, states)]
+        return percepts
 
     @property
     def _is_leap(self) -> bool:
@@ -197,6 +231,11 @@ class _PerceptLine(JsonLine):
         """Whether it is a time alone."""
         return self.record.keys() == {"t_ms"}
 
+    @property
+    def is_unnamed(self) -> bool:
+        """Whether it is a detection without a name."""
+        return "percept" not in self.record
+
     def valid_us(self) -> int:
         return round(self.time_ms() * US_PER_MS)
 
@@ -205,6 +244,10 @@ class _PerceptLine(JsonLine):
         end = self.record.get("end", False)
         if not isinstance(end, bool):
             raise self.error("end is true or false", '{"t_ms": 900, "percept": "vp1", "end": true}')
+        if end and self.is_unnamed:
+            raise self.error(
+                "percept is missing: what has no name cannot end", '{"t_ms": 900, "percept": "vp1", "end": true}'
+            )
         if end:
             return Percept(symbol, type_, None)
         x_m, y_m = place(self)
@@ -217,8 +260,10 @@ class _PerceptLine(JsonLine):
         return Percept(symbol, type_, ObjectState(self.valid_us(), x_m, y_m, *velocity, covariance, self._attributes()))
 
     def _symbol(self) -> str:
-        """The name of a percept; trackers number theirs."""
-        value = self.record.get("percept")
+        """The name of a percept; trackers number theirs. Of a detection without a name the number of its line."""
+        if self.is_unnamed:
+            return str(self._number)
+        value = self.record["percept"]
         is_number = isinstance(value, int) and not isinstance(value, bool) and abs(value) < 2**63
         return str(value) if is_number else self._name("percept")
 

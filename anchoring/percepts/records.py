@@ -130,7 +130,7 @@ class ObjectRecords:
         own |= zip(_STATE, state[1:5], strict=True)
         own |= zip(_COVARIANCE, _covariance(state), strict=True)
         if self._frame is not None:
-            own |= zip(GEOGRAPHIC, self._frame.from_ned(state.y_m, state.x_m, 0.0)[:2], strict=True)
+            own |= zip(GEOGRAPHIC, self._frame.level(state.y_m, state.x_m, 0.0), strict=True)
         return tuple(own.get(name, state.attributes.get(name, NO_VALUE)) for name in self._names)
 
     def ended(self, symbol: str) -> Value:

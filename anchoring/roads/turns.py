@@ -1,9 +1,9 @@
 """The way from one link to another at a crossing: left, right, straight, uturn (thesis 8.7.4), and the curve that is driven.
 
 The turn from arm a to arm b is the angle by which the heading changes, left positive, so that the turn back is its
-negative: a left turn one way is a right turn the other way. Straight is what changes the heading by 15 degrees at most, or by less
-than 45 where every other way into and out of the two arms turns by 10 degrees more. Back on the same link, or by 165
-degrees and more, is a U-turn.
+negative: where lanes lead both ways, a left turn one way is a right turn the other way. Straight is what changes the heading by 15
+degrees at most, or by less than 45 where every other way into and out of the two arms, in which a lane leads, turns by 10 degrees
+more. Back on the same link, or by 165 degrees and more, is a U-turn.
 
 The curve leaves the lane of the one link where the crossing begins, and reaches that of the next where it ends, along their
 headings: a cubic Bezier curve that is a quarter of a circle where the way turns by a right angle. It is shorter than the two
@@ -119,11 +119,17 @@ class RoadTurns:
     def _is_straightest(
         self, headings: Mapping[DirectedLink, float], one: DirectedLink, other: DirectedLink, bent: float
     ) -> bool:
+        least_rad = bent + _CLEARLY_RAD
         return all(
-            min(abs(_turn(headings[one], angle)), abs(_turn(angle, headings[other]))) >= bent + _CLEARLY_RAD
+            (abs(_turn(headings[one], angle)) >= least_rad or not self._leads(arm))
+            and (abs(_turn(angle, headings[other])) >= least_rad or not self._leads(arm.back))
             for arm, angle in headings.items()
             if arm not in {one, other}
         )
+
+    def _leads(self, way: DirectedLink) -> bool:
+        """Whether there is a lane in this direction: the way back of an edge of SUMO is a link next to it."""
+        return way.direction in self._links[way.link].directions
 
     def _headings_at(self, name: str) -> Mapping[DirectedLink, float]:
         known = self._headings.get(name)

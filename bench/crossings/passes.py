@@ -11,7 +11,7 @@ from typing import Final, NamedTuple, TypeAlias
 import numpy as np
 from numpy.typing import NDArray
 
-from anchoring.roads.files.geojson import read_roads
+from anchoring.roads.files.formats import read_roads
 from anchoring.roads.network import RoadNetwork
 from anchoring.roads.turns import STRAIGHT
 

@@ -22,8 +22,10 @@ from dyknow import NO_VALUE, US_PER_S, Label, Network, Policy, Sample, Sort
 from dyknow.model.errors import TextError, TextErrors, did_you_mean
 from dyknow.network.process import FAR_US, Input
 from dyknow.network.processes import OnDemand
+from kpl.linking.roads import APART_M
 from kpl.syntax import specification as spec
 from navigation import LocalFrame
+from navigation.geodesy import distance_m
 
 __all__ = ["BELIEF_SORT", "BeliefStream", "belief_stream", "trust_in"]
 STEP_US: Final = US_PER_S
@@ -232,7 +234,7 @@ def belief_stream(
         raise TextError.at(
             made.place, f"{', '.join(made.paths)} was not read", repair="the files, with what names them"
         )
-    frame = None if origin is None else LocalFrame(*origin, 0.0)
+    frame = _frame(made, made.world, origin)
     inputs: list[BelievedInput] = []
     readers: list[PerceptRecords] = []
     sources: list[ObservingSource] = []
@@ -252,6 +254,21 @@ def belief_stream(
     return BeliefStream(
         made.world, inputs, readers, sources, is_own, sort, frame, f"i{unit}_" if unit.isalnum() else "i", task
     )
+
+
+def _frame(made: spec.Belief, world: DescribedWorld, origin: tuple[float, float] | None) -> LocalFrame | None:
+    """Where x = y = 0 is: as the specification says, or the model; raises TextError where they disagree."""
+    own = world.model.frame
+    if origin is None or own is None:
+        return own if origin is None else LocalFrame(*origin, 0.0)
+    apart_m = distance_m(*origin, own.latitude_deg, own.longitude_deg)
+    if apart_m > APART_M:
+        raise TextError.at(
+            made.place,
+            f"[origin] of {made.paths[0]} is {apart_m:.1f} m from that of the specification",
+            repair=f"latitude_deg = {origin[0]:.7f} and longitude_deg = {origin[1]:.7f} in [origin], or leave it out",
+        )
+    return LocalFrame(*origin, 0.0)
 
 
 def _check(made: spec.Belief, each: spec.Observing, sort: Sort, frame: LocalFrame | None) -> None:

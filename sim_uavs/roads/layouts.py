@@ -5,7 +5,7 @@ from collections.abc import Callable, Iterable, Mapping
 from math import cos, pi, sin
 from typing import Any, NamedTuple, TypeAlias
 
-from anchoring.roads.files.geojson import read_roads
+from anchoring.roads.files.formats import read_roads
 from anchoring.roads.geometry import Point2
 from anchoring.roads.network import RoadNetwork
 from dyknow.model.errors import WrongCall

@@ -3,9 +3,11 @@
     {"t_ms": 100, "sensor": "camera", "position_m": [1.0, 2.0], "covariance_m2": [[0.2, 0.0], [0.0, 0.2]], "colour": "red"}
     {"t_ms": 200, "sensor": "camera", "type": "cup", "relations": {"on": {"i2": true}}}
     {"t_ms": 300, "sensor": "camera", "nothing": true}
+    {"t_ms": 400, "sensor": "adsb", "latitude_deg": 47.45, "longitude_deg": 8.56, "altitude_m": 9100.0}
     {"t_ms": 9000}
 
-What is observed of one thing is one line; `sensor` is optional where there is but one; `nothing` is a look in which nothing
+Where the model has an origin, latitude and longitude may take the place of `position_m`, in all lines of a file; `altitude_m` is an
+attribute of the model as any other. What is observed of one thing is one line; `sensor` is optional where there is but one; `nothing` is a look in which nothing
 was seen; a time alone is no look: time passes until then. Lines are in the order of time. A line that cannot be used is left
 out, and reported with its number; so is a time that is far ahead of the lines before and after it.
 """
@@ -16,9 +18,10 @@ from typing import Any, Final, NamedTuple
 import numpy as np
 
 from anchoring.belief.arrays import Floats
-from anchoring.belief.description import POSITION, CategoricalAttribute, GaussianAttribute, WorldModel
-from anchoring.belief.files.models import is_covariance
+from anchoring.belief.description import ALTITUDE, POSITION, CategoricalAttribute, GaussianAttribute, WorldModel
+from anchoring.belief.files.models import HIGHEST_M, is_covariance
 from anchoring.belief.observations import TYPE, ReportedRelation, WorldObservation
+from anchoring.percepts.reading import FARTHEST_GEOGRAPHIC_M
 from dyknow import US_PER_MS, US_PER_S
 from dyknow.model.errors import TextError, did_you_mean
 from reasoning.monitoring.json_lines import JsonLine
@@ -29,6 +32,7 @@ MOST_AT_ONCE: Final = 100_000
 _MOST_RELATIONS: Final = 64
 _LONGEST: Final = 256
 _COVARIANCE = "covariance_m2"
+_ON_EARTH = ("latitude_deg", "longitude_deg")
 _EXAMPLE: Final = '{"t_ms": 100, "sensor": "camera", "position_m": [1.0, 2.0]}'
 
 
@@ -54,6 +58,7 @@ class ObservationReader:
         self._latest_us: int | None = None
         self._before_us: int | None = None
         self._first: _ObservationLine | None = None
+        self._is_local: bool | None = None
 
     def looks(self, lines: Iterable[str | bytes]) -> Iterator[SensorLook]:
         """The looks, in the order of time, those of one time as soon as a line of the next is read."""
@@ -66,6 +71,7 @@ class ObservationReader:
                 line = _ObservationLine(text, number, self._file, self._model)
                 valid_us, sensor = line.valid_us(), line.sensor()
                 observation = line.observation(valid_us, sensor)
+                self._check_frame(line)
                 if error := self._ahead(valid_us):
                     self._on_error(error)
                     found, count, self._latest_us = {}, 0, None
@@ -84,6 +90,14 @@ class ObservationReader:
             except TextError as error:
                 self._on_error(error)
         yield from found.values()
+
+    def _check_frame(self, line: "_ObservationLine") -> None:
+        """All positions of a file are in one frame."""
+        is_local = line.is_local
+        if self._is_local is not None and is_local is not None and is_local is not self._is_local:
+            other = "latitude and longitude" if is_local else POSITION
+            raise line.error(f"positions of this file are {other}", "all positions in one frame")
+        self._is_local = self._is_local if is_local is None else is_local
 
     def _check_order(self, line: "_ObservationLine", valid_us: int) -> None:
         latest_us = self._before_us if self._latest_us is None else self._latest_us
@@ -126,12 +140,52 @@ class _ObservationLine(JsonLine):
             raise self.error(f"the model has no sensor {str(name)[:40]!r}.{hint}", f'"sensor": "{next(iter(sensors))}"')
         return name
 
+    @property
+    def is_local(self) -> bool | None:
+        """Whether its position is in metres; None: it has none."""
+        if POSITION in self.record:
+            return True
+        return False if self._is_on_earth else None
+
+    @property
+    def _is_on_earth(self) -> bool:
+        """Whether it has a latitude or a longitude that is none of the model's own attributes."""
+        return any(name in self.record and name not in self._model.attributes for name in _ON_EARTH)
+
+    def _position(self) -> list[float]:
+        """Metres east and north of a place in degrees; its altitude, that of the origin if it has none, counts a little."""
+        frame = self._model.frame
+        if frame is None:
+            raise self.error(
+                "the model does not say where on earth its positions are 0",
+                "[origin] with latitude_deg and longitude_deg in the model",
+            )
+        if POSITION in self.record:
+            raise self.error(f"{POSITION} and {', '.join(_ON_EARTH)} are two positions", "one of them")
+        latitude_deg, longitude_deg = (self._finite(*each) for each in zip(_ON_EARTH, (90.0, 180.0), strict=True))
+        altitude_m = self._finite(ALTITUDE, HIGHEST_M) if ALTITUDE in self.record else frame.altitude_m
+        north_m, east_m, _ = frame.to_ned(latitude_deg, longitude_deg, altitude_m)
+        if max(abs(north_m), abs(east_m)) > FARTHEST_GEOGRAPHIC_M:
+            raise self.error(f"more than {FARTHEST_GEOGRAPHIC_M / 1000:g} km from the origin", "a place nearby")
+        return [east_m, north_m]
+
+    def _finite(self, key: str, most: float) -> float:
+        value: Any = self.record.get(key)
+        if not _is_number(value, most):
+            problem = "is missing" if value is None else f"is a number within {most:g}"
+            raise self.error(f"{key} {problem}", f'"{key}": 1.0')
+        return float(value)
+
     def observation(self, valid_us: int, sensor: str) -> WorldObservation | None:
         """What the line says; None: that nothing was seen, or that time passes."""
         if not sensor:
             return None
         attributes, values = self._model.attributes, dict[str, Any]()
-        for key, value in self.record.items():
+        record = self.record
+        if self._is_on_earth:
+            others = {key: value for key, value in record.items() if key not in _ON_EARTH}
+            record = {POSITION: self._position(), **others}
+        for key, value in record.items():
             if key in {"t_ms", "sensor", _COVARIANCE, "relations", "nothing"}:
                 continue
             attribute = self._model.types.belief if key == TYPE else attributes.get(key)

@@ -33,7 +33,9 @@ from anchoring.belief.files.attributes import (
 )
 from anchoring.belief.files.tables import TomlTable, TomlText
 from anchoring.belief.sensing import trusted
+from navigation import LocalFrame
 
+HIGHEST_M: Final = 1e5
 EXAMPLE: Final = "[region], [types.car], [attributes.position_m] and [sensors.camera], one table each"
 _KEPT: Final = frozenset({"new", "clutter"})
 
@@ -64,12 +66,26 @@ def read_world_model(text: str, file: str = "") -> WorldModel:
         lifetime_s,
         _limits(root),
         _initial(root, attributes, types, thresholds),
+        _frame(root),
     )
     if not model.initial and not any(each.births for each in model.sensors.values()):
         root.wrong("sensors", "nothing is believed in at first, and no sensor finds anything new", "births = 0.1")
-    root.end("region", "initial", "limits", "relations", "classification")
+    root.end("region", "origin", "initial", "limits", "relations", "classification")
     source.end()
     return model
+
+
+def _frame(root: TomlTable) -> LocalFrame | None:
+    """Of `[origin]`: where x = y = 0 is on earth."""
+    if "origin" not in root:
+        root.get("origin")
+        return None
+    origin = root.table("origin")
+    latitude_deg = origin.number("latitude_deg", None, -90.0, 90.0)
+    longitude_deg = origin.number("longitude_deg", None, -180.0, 180.0)
+    altitude_m = origin.number("altitude_m", 0.0, -HIGHEST_M, HIGHEST_M)
+    origin.end()
+    return LocalFrame(latitude_deg, longitude_deg, altitude_m)
 
 
 def _thresholds(root: TomlTable) -> LifeThresholds:

@@ -70,7 +70,7 @@ class BeliefRecords:
             if len(mean) >= 4:
                 found |= {"vx_m_s": float(mean[2]), "vy_m_s": float(mean[3]), "v_sd_m_s": _deviation(covariance, 2)}
             if self._frame is not None:
-                found |= zip(GEOGRAPHIC, self._frame.from_ned(y_m, x_m, 0.0)[:2], strict=True)
+                found |= zip(GEOGRAPHIC, self._frame.level(y_m, x_m, 0.0), strict=True)
         return found
 
 

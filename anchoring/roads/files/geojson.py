@@ -23,7 +23,6 @@ from anchoring.roads.files.assembly import Assembly
 from anchoring.roads.files.lanes import MOST_LANES, even_lanes, offset_lanes
 from anchoring.roads.files.problems import MOST_BYTES, FeatureError, Problems, RoadSurvey, Tries
 from anchoring.roads.geometry import Point2, Polyline
-from anchoring.roads.network import RoadNetwork
 from navigation.geodesy import LocalFrame
 
 MOST_FEATURES: Final = 1_000_000
@@ -35,15 +34,6 @@ RADIUS_M: Final = 8.0
 SPEED_M_S: Final = 13.9
 _WIDEST_M: Final = 200.0
 _GEOMETRIES: Final = {"Point": 0, "LineString": 1, "Polygon": 2}
-
-
-def read_roads(text: str | bytes, file: str = "") -> RoadNetwork:
-    """The network of a GeoJSON text.
-
-    Raises:
-        RoadsError: it has errors; each names the feature, the cause and the remedy.
-    """
-    return survey_roads(text).required(file)
 
 
 class _Feature(NamedTuple):

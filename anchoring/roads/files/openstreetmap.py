@@ -16,6 +16,7 @@ from anchoring.roads.elements import Crossing, RoadLink
 from anchoring.roads.files.assembly import Assembly
 from anchoring.roads.files.geojson import FARTHEST_M
 from anchoring.roads.files.lanes import MOST_LANES, even_lanes
+from anchoring.roads.files.others import LANELETS
 from anchoring.roads.files.problems import Problems, RoadSurvey
 from anchoring.roads.files.xml_elements import elements
 from anchoring.roads.geometry import Point2, Polyline
@@ -47,18 +48,25 @@ def survey_openstreetmap(text: str | bytes) -> RoadSurvey:
     problems = Problems("way")
     nodes: dict[str, tuple[float, float]] = {}
     ways: list[_Way] = []
+    lanelets = 0
     for element in elements(text, "osm", problems):
         if element.tag == "node":
             _add_node(element, nodes, problems)
+        elif element.tag == "relation":
+            lanelets += _tags(element).get("type") == "lanelet"
         elif element.tag == "way" and _is_road(tags := _tags(element)):
             references = tuple(part.get("ref", "") for part in element.iter("nd"))
             ways.append(_Way(len(ways), element.get("id", ""), references, tags))
     kept = [_known(way, nodes, problems) for way in ways]
     ways = [way for way in kept if len(way.nodes) > 1]
     used = {name for way in ways for name in way.nodes}
-    if not used:
-        remedy = "export an area with roads, and its nodes; lanelets (Lanelet2) are no ways of roads: export OpenStreetMap or SUMO"
+    if lanelets:
+        tell = problems.warning if used else problems.error
+        tell(None, None, f"lanelets in it ({LANELETS.name}) are not read: {lanelets}", LANELETS.remedy)
+    elif not used:
+        remedy = "export an area with roads, and its nodes"
         problems.error(None, None, "no way in it is a road for cars with two nodes", remedy)
+    if not used:
         return problems.survey(None)
     latitudes, longitudes = zip(*(nodes[name] for name in used), strict=True)
     frame = LocalFrame((min(latitudes) + max(latitudes)) / 2, (min(longitudes) + max(longitudes)) / 2, 0.0)

@@ -2,18 +2,10 @@
 
 from collections.abc import Iterator
 from io import BytesIO
-from typing import Final
 from xml.etree.ElementTree import Element, ParseError, iterparse
 
+from anchoring.roads.files.others import OF_ROOTS
 from anchoring.roads.files.problems import MOST_BYTES, Problems
-
-OF_OTHERS: Final = {
-    "OpenDRIVE": "convert it to a network of SUMO: netconvert --opendrive-files FILE -o town.net.xml",
-    "commonRoad": "convert it to a network of SUMO with the CommonRoad Scenario Designer",
-    "nodes": "these are nodes alone: netconvert makes a network of SUMO of nodes and edges",
-    "edges": "these are edges alone: netconvert makes a network of SUMO of nodes and edges",
-}
-"""By the root of a format that is not read, what makes one that is."""
 
 
 def elements(text: str | bytes, root: str, problems: Problems) -> Iterator[Element]:
@@ -39,7 +31,8 @@ def _children(raw: bytes, root: str, problems: Problems) -> Iterator[Element]:
             if top is None:
                 top = element
                 if element.tag != root:
-                    remedy = OF_OTHERS.get(element.tag, f"the root is <{root}>")
+                    other = OF_ROOTS.get(element.tag)
+                    remedy = f"the root is <{root}>" if other is None else other.remedy
                     problems.error(None, None, f"its root is <{element.tag[:60]}>", remedy)
                     return
         else:

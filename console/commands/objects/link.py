@@ -35,7 +35,9 @@ def link(
     *,
     percepts: Annotated[
         Path | None,
-        typer.Option("--percepts", metavar="FILE.jsonl", help="Percepts, JSON lines; - for standard input."),
+        typer.Option(
+            "--percepts", metavar="FILE", help="Percepts, JSON lines or a MOTChallenge text; - for standard input."
+        ),
     ] = None,
     roads: Annotated[
         Path | None, typer.Option("--roads", metavar="FILE.geojson", help="Roads on which objects are.")
@@ -46,6 +48,20 @@ def link(
             "--since-seen/--no-since-seen", help="Once an object is established also its states from before that (yes)."
         ),
     ] = True,
+    fps: Annotated[
+        float | None,
+        typer.Option("--fps", metavar="N", min=0.001, max=1e6, help="Frames a second of a MOTChallenge text."),
+    ] = None,
+    m_per_pixel: Annotated[
+        float | None,
+        typer.Option(
+            "--m-per-pixel",
+            metavar="M",
+            min=1e-6,
+            max=1e3,
+            help="Metres a pixel of one that has no places on the ground.",
+        ),
+    ] = None,
     modules: UnitModules = None,
 ) -> int:
     """Which percepts are the same objects: one symbol for each, also through gaps; exit 2 if lines had to be left out."""
@@ -53,6 +69,7 @@ def link(
     from anchoring.links.structures import ObjectLinkage
     from anchoring.percepts.reading import PerceptReader
     from console.commands.objects.link_output import LinkOutput
+    from console.commands.objects.percept_texts import numbered_lines
 
     if percepts is None:
         raise WrongCall("give the recorded percepts: --percepts FILE.jsonl.")
@@ -70,7 +87,8 @@ def link(
         reader = PerceptReader(
             name, linkage.percept_types, problems.on_error, frame, is_local=is_local, is_piped=is_piped
         )
-        for tick in reader.ticks(lines):
+        numbered = numbered_lines(lines, name, problems.on_error, fps, m_per_pixel)
+        for tick in reader.numbered_ticks(numbered):
             output.on_frame(reader.frame)
             if conditions is not None:
                 for one in tick.percepts:
@@ -78,6 +96,8 @@ def link(
             outcome = linkage.on_percepts(*tick)
             output.on_outcome(beginnings.completed(tick.percepts, outcome) if since_seen else outcome)
     output.end(linkage)
+    for type_ in reader.unnamed:
+        call.out.note(f"percepts of the type {type_} have no names: each line has that of what was expected there")
     for symbol in linkage.wanted:
         call.out.note(f"{symbol} was not found: nothing was as it is described, to the end.", style="yellow")
     has_failed = _tell_failures(call, specifications)

@@ -101,7 +101,7 @@ class LinkOutput:
     def _place(self, state: "ObjectState") -> dict[str, float]:
         place = {"x_m": round(state.x_m, 3), "y_m": round(state.y_m, 3)}
         if self._frame is not None:
-            latitude_deg, longitude_deg, _ = self._frame.from_ned(state.y_m, state.x_m, 0.0)
+            latitude_deg, longitude_deg = self._frame.level(state.y_m, state.x_m, 0.0)
             place |= {"latitude_deg": round(latitude_deg, 7), "longitude_deg": round(longitude_deg, 7)}
         return place
 

@@ -13,6 +13,7 @@ from runtime.configuration.road_files import read_bytes
 
 if TYPE_CHECKING:
     from anchoring.roads.files.problems import RoadProblem
+    from anchoring.roads.files.summary import RoadSummary
     from anchoring.roads.network import RoadNetwork
 
 
@@ -25,21 +26,24 @@ def check(
 ) -> int:
     """What a road network holds, and every problem of its file; exit 1 if one is an error."""
     from anchoring.roads.files.formats import format_of, survey_any
+    from anchoring.roads.files.summary import summary_of
 
     text = read_bytes(file, "FILE")
     survey = survey_any(text)
-    for problem in survey.problems:
+    summary = None if survey.network is None else summary_of(survey.network)
+    problems = survey.problems if summary is None else (*survey.problems, *summary.remarks())
+    for problem in problems:
         _show(call, str(file), problem)
-    errors = sum(each.severity == "error" for each in survey.problems)
-    warnings = len(survey.problems) - errors
+    errors = sum(each.severity == "error" for each in problems)
+    warnings = len(problems) - errors
     about = {"format": format_of(text), "errors": errors, "warnings": warnings}
     if survey.left_out:
         call.out.note(f"{survey.left_out} more problems are not listed.")
     counts = f"{counted(errors, 'error')}, {counted(warnings, 'warning')}"
-    if survey.network is None:
+    if survey.network is None or summary is None:
         call.out.say(f"{file}: {about['format']}, {counts}", **about)
         return NO
-    contents = _contents(survey.network)
+    contents = _contents(survey.network, summary)
     call.out.say(f"{file}: {about['format']}, {_sentence(contents)}; {counts}", **about, **contents)
     return DONE
 
@@ -55,17 +59,22 @@ def _show(call: Call, file: str, problem: "RoadProblem") -> None:
     )
 
 
-def _contents(network: "RoadNetwork") -> dict[str, Any]:
-    from anchoring.roads.files.summary import summary_of
-
-    summary, frame = summary_of(network), network.frame
+def _contents(network: "RoadNetwork", summary: "RoadSummary") -> dict[str, Any]:
+    frame = network.frame
     origin = None if frame is None else [round(frame.latitude_deg, 7), round(frame.longitude_deg, 7)]
-    return summary._asdict() | {"length_m": round(summary.length_m, 1), "origin": origin}
+    numbers = {name: value for name, value in summary._asdict().items() if name != "hidden_links"}
+    return numbers | {"length_m": round(summary.length_m, 1), "origin": origin}
 
 
 def _sentence(contents: dict[str, Any]) -> str:
-    parts = [counted(contents[name], name[:-1]) for name in ("crossings", "turns", "links", "lanes", "areas")]
+    """What it has, where that is, and what can be recognised on it."""
+    parts = [counted(contents[name], name[:-1]) for name in ("crossings", "links", "lanes", "areas")]
     origin = contents["origin"]
     where = "x and y in metres" if origin is None else f"origin at {origin[0]:g}, {origin[1]:g}"
     graph = f"{counted(contents['parts'], 'part')}, {counted(contents['dead_ends'], 'dead end')}"
-    return f"{', '.join(parts)}, {contents['length_m'] / 1000:.1f} km, {graph}, {where}"
+    kinds = ", ".join(f"{contents[kind]} {kind}" for kind in ("left", "right", "straight", "back"))
+    recognised = (
+        f"{counted(contents['turns'], 'turn')} ({kinds}), {counted(contents['forks'], 'fork')}, "
+        f"{counted(contents['ways'], 'way')}, {counted(contents['both_ways'], 'link')} both ways"
+    )
+    return f"{', '.join(parts)}, {contents['length_m'] / 1000:.1f} km, {graph}, {where}; recognised: {recognised}"

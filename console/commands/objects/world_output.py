@@ -5,6 +5,7 @@ from collections.abc import Iterable, Mapping, Sequence
 from math import isinf
 from typing import TYPE_CHECKING, Any
 
+from anchoring.belief.description import ALTITUDE, POSITION
 from console.command import Call
 from console.output.shown import Shown, line, styled
 from dyknow.model.instants import US_PER_MS, US_PER_S
@@ -12,6 +13,7 @@ from dyknow.model.instants import US_PER_MS, US_PER_S
 if TYPE_CHECKING:
     from anchoring.belief.knowledge.informed import InformationRequest, InformedModel
     from anchoring.belief.reports import BelievedInstance, LifeEvent, UpdateReport
+    from navigation import LocalFrame
 
 MOST_SHOWN = 100
 """Instances in one line; the most certain ones."""
@@ -45,7 +47,10 @@ class WorldOutput:
             record["association"] = _together(report.associations)
         if report.is_scan:
             record |= {"associations": associations, "exact": report.is_exact}
-        record |= {"instances": [_instance(each) for each in shown], "events": [_event(each) for each in report.events]}
+        record |= {
+            "instances": [_instance(each, self._environment.model.frame) for each in shown],
+            "events": [_event(each) for each in report.events],
+        }
         if self._has_knowledge:
             record["requests"] = [_request(each) for each in self._informed.requests()[:MOST_SHOWN]]
         if more:
@@ -100,11 +105,13 @@ class WorldOutput:
         self._out.show(line(*parts), whole=True)
 
 
-def _instance(each: "BelievedInstance") -> dict[str, Any]:
+def _instance(each: "BelievedInstance", frame: "LocalFrame | None") -> dict[str, Any]:
     attributes: dict[str, Any] = {
         name: {"mean": _numbers(belief.mean), "covariance": [_numbers(row) for row in belief.covariance]}
         for name, belief in each.gaussian.items()
     }
+    if frame is not None and POSITION in attributes:
+        attributes[POSITION] |= _on_earth(frame, each)
     attributes |= {name: _shares(shares) for name, shares in each.categorical.items()}
     record: dict[str, Any] = {
         "id": each.name,
@@ -121,6 +128,15 @@ def _instance(each: "BelievedInstance") -> dict[str, Any]:
             for (name, other), value in each.relations.items()
         ]
     return record
+
+
+def _on_earth(frame: "LocalFrame", each: "BelievedInstance") -> dict[str, float]:
+    """Latitude and longitude of a position, at its altitude if that is believed in."""
+    east_m, north_m = each.gaussian[POSITION].mean[:2].tolist()
+    height = each.gaussian.get(ALTITUDE)
+    altitude_m = frame.altitude_m if height is None else float(height.mean[0])
+    latitude_deg, longitude_deg = frame.level(north_m, east_m, altitude_m)
+    return {"latitude_deg": round(latitude_deg, 7), "longitude_deg": round(longitude_deg, 7)}
 
 
 def _event(event: "LifeEvent") -> dict[str, Any]:

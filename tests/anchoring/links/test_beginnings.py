@@ -4,7 +4,7 @@ from anchoring.links.beginnings import ObjectBeginnings
 from anchoring.links.states import ObjectState, diagonal
 from anchoring.links.structures import ObjectLinkage, Percept, StateRecord
 from anchoring.ready import ON_ROAD, VISION, WORLD, ready_specification
-from anchoring.roads.files.geojson import read_roads
+from anchoring.roads.files.formats import read_roads
 from anchoring.roads.network import RoadNetwork
 from tests.docs.pages import ROOT
 

@@ -10,7 +10,7 @@ from anchoring.links.specification import LinkSpecification, likelihoods, unlike
 from anchoring.links.states import ObjectState, diagonal
 from anchoring.links.structures import ObjectLinkage, Percept
 from anchoring.ready import NEAR, NEW, VISION, WORLD, ready_specification
-from anchoring.roads.files.geojson import read_roads
+from anchoring.roads.files.formats import read_roads
 from anchoring.roads.network import RoadNetwork
 from kpl import parse_formula
 from kpl.introspection.link_reasons import because

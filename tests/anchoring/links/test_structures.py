@@ -14,7 +14,7 @@ from anchoring.links.specification import LinkSpecification
 from anchoring.links.states import ObjectState, diagonal
 from anchoring.links.structures import ObjectLinkage, Percept
 from anchoring.ready import NEAR, NEW, ON_A_ROAD, ON_ROAD, STAYS_ON_ROADS, VISION, WORLD, ready_specification
-from anchoring.roads.files.geojson import read_roads
+from anchoring.roads.files.formats import read_roads
 from kpl import parse_formula
 from tests.anchoring.roads.towns import link, text
 

@@ -7,7 +7,7 @@ from hypothesis import given
 from hypothesis import strategies as st
 
 from anchoring.roads.elements import DirectedLink
-from anchoring.roads.files.geojson import read_roads
+from anchoring.roads.files.formats import read_roads
 from anchoring.roads.geometry import wrapped
 from anchoring.roads.network import RoadNetwork
 from tests.anchoring.roads.towns import cross, networks

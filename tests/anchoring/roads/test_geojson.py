@@ -11,7 +11,8 @@ from hypothesis import given
 from hypothesis import strategies as st
 
 from anchoring.roads.elements import Lane
-from anchoring.roads.files.geojson import read_roads, survey_roads
+from anchoring.roads.files.formats import read_roads
+from anchoring.roads.files.geojson import survey_roads
 from anchoring.roads.files.problems import MOST_PROBLEMS
 from anchoring.roads.network import RoadNetwork
 from dyknow.model.errors import RoadsError

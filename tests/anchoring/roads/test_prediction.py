@@ -14,7 +14,7 @@ from anchoring.links.individuals import Individual
 from anchoring.links.prediction import ConstantVelocity, ObjectPrediction, Predictor
 from anchoring.links.states import ObjectState, diagonal
 from anchoring.roads.elements import DirectedLink
-from anchoring.roads.files.geojson import read_roads
+from anchoring.roads.files.formats import read_roads
 from anchoring.roads.fluents import NO_CROSSING, NO_LINK, place_of
 from anchoring.roads.hypotheses import Pruning, RouteHypothesis, TurnTable, advance, lane_after, pruned
 from anchoring.roads.network import RoadNetwork

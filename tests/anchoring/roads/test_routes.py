@@ -6,7 +6,7 @@ import pytest
 from hypothesis import given
 
 from anchoring.roads.elements import DirectedLink
-from anchoring.roads.files.geojson import read_roads
+from anchoring.roads.files.formats import read_roads
 from anchoring.roads.files.summary import summary_of
 from anchoring.roads.network import RoadNetwork
 from anchoring.roads.routes import BY_TIME, RoadNeeds, RoadRoutes

@@ -8,7 +8,7 @@ from hypothesis import given
 from hypothesis import strategies as st
 
 from anchoring.roads.elements import DirectedLink
-from anchoring.roads.files.geojson import read_roads
+from anchoring.roads.files.formats import read_roads
 from anchoring.roads.geometry import LEAST_M, Polyline, projected
 from anchoring.roads.network import RoadNetwork
 from anchoring.roads.snapping import DEFAULTS, RoadPlace, crossing_at, snap

@@ -5,7 +5,7 @@ from hypothesis import given
 from hypothesis import strategies as st
 
 from anchoring.roads.elements import DirectedLink
-from anchoring.roads.files.geojson import read_roads
+from anchoring.roads.files.formats import read_roads
 from anchoring.roads.routes import RoadRoutes
 from anchoring.roads.snapping import snap
 from anchoring.roads.statistics import LONGEST_GAP_US, LinkTraffic, RoadTraffic

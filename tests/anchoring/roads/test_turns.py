@@ -7,7 +7,7 @@ from hypothesis import assume, given
 from hypothesis import strategies as st
 
 from anchoring.roads.elements import DirectedLink
-from anchoring.roads.files.geojson import read_roads
+from anchoring.roads.files.formats import read_roads
 from anchoring.roads.network import RoadNetwork
 from anchoring.roads.turns import LEFT, RIGHT, STRAIGHT, TURNS, UTURN
 from tests.anchoring.roads.towns import cross, crossing, link, networks, text

@@ -226,24 +226,37 @@ def test_a_damaged_text_has_problems_or_is_read_and_nothing_crashes(
 
 
 @pytest.mark.parametrize(
-    ("root", "converter"),
+    ("root", "name", "converter"),
     [
-        ("OpenDRIVE", "netconvert --opendrive-files"),
-        ("commonRoad", "CommonRoad Scenario Designer"),
-        ("net2", "root is <net>"),
+        ("OpenDRIVE", "OpenDRIVE", "netconvert --opendrive-files FILE -o town.net.xml"),
+        ("commonRoad", "CommonRoad", "crdesigner --input-file FILE --output-file sumo/town.net.xml crsumo"),
+        ("nodes", "SUMO nodes", "netconvert"),
+        ("net2", SUMO, "root is <net>"),
     ],
 )
-def test_a_format_of_others_is_refused_with_what_converts_it(root: str, converter: str) -> None:
-    survey = survey_any(f"<{root}><road/></{root}>")
+def test_a_format_of_others_is_refused_with_what_converts_it(root: str, name: str, converter: str) -> None:
+    text = f"<?xml version='1.0'?><!-- <osm> made by --><{root}><road/></{root}>"
+    survey = survey_any(text)
     assert survey.network is None
+    assert format_of(text) == name
     (problem,) = survey.problems
     assert f"<{root}>" in problem.message
     assert converter in problem.remedy
 
 
+LANELET = '<relation id="2"><tag k="type" v="lanelet"/></relation>'
+
+
 def test_lanelets_are_no_ways_of_roads() -> None:
-    survey = survey_any(
-        '<osm version="0.6"><node id="1" lat="1" lon="1"/><relation id="2"><tag k="type" v="lanelet"/></relation></osm>'
-    )
+    survey = survey_any(osm('<way id="7"><nd ref="1"/><nd ref="2"/><tag k="type" v="line_thin"/></way>', LANELET))
     assert survey.network is None
-    assert "Lanelet2" in survey.problems[0].remedy
+    (problem,) = survey.problems
+    assert problem.drawn.startswith("lanelets in it (Lanelet2) are not read: 1; convert it")
+    assert "lanelet2cr" in problem.remedy
+    assert "crsumo" in problem.remedy
+
+
+def test_roads_next_to_lanelets_are_read_and_the_lanelets_are_a_warning() -> None:
+    survey = survey_any(osm(way("10", 1, 2), LANELET, LANELET))
+    assert survey.network is not None
+    assert [each.drawn[:42] for each in survey.problems] == ["lanelets in it (Lanelet2) are not read: 2;"]

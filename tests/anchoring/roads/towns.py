@@ -7,7 +7,7 @@ from typing import Any
 
 from hypothesis import strategies as st
 
-from anchoring.roads.files.geojson import read_roads
+from anchoring.roads.files.formats import read_roads
 from anchoring.roads.network import RoadNetwork
 
 

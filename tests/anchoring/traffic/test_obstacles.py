@@ -6,7 +6,7 @@ import pytest
 from hypothesis import given
 from hypothesis import strategies as st
 
-from anchoring.roads.files.geojson import read_roads
+from anchoring.roads.files.formats import read_roads
 from anchoring.roads.snapping import snap
 from anchoring.traffic.obstacles import BESIDE_M, OVER_US, LaneObstacle, SlowVehicles, narrowest
 from dyknow import US_PER_S

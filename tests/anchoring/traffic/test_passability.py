@@ -3,7 +3,7 @@
 import pytest
 
 from anchoring.roads.elements import DirectedLink
-from anchoring.roads.files.geojson import read_roads
+from anchoring.roads.files.formats import read_roads
 from anchoring.traffic.obstacles import LaneObstacle, narrowest
 from anchoring.traffic.passability import Passability, WantedRoute
 from tests.anchoring.roads.towns import crossing, link, text

@@ -4,6 +4,7 @@ from pathlib import Path
 
 import pytest
 
+from anchoring.belief.live.records import BELIEF_SORT
 from dyknow import Label
 from dyknow.model.errors import SourceText, TextError, TextErrors
 from kpl import parse_specification, print_specification
@@ -202,3 +203,34 @@ def test_a_frame_of_ten_thousand_percepts_is_cut_and_the_rest_counted() -> None:
     for _ in range(3):
         looking.look((0.0, 0.0))
     assert looking.network.process(Label("beliefs")).watch.environment.table.rows()["i7_1"] == 0
+
+
+def placed(path: str) -> str:
+    return read_file(path) + "\n[origin]\nlatitude_deg = 58.4\nlongitude_deg = 15.6\n"
+
+
+class Placed(Looking):
+    """The same with a model that says where on earth it is."""
+
+    def add(self, text):
+        text = SourceText(text, "a.kpl")
+        self.instance.add(parse_specification(text, placed), self.now_us, text)
+
+
+PLACED = WATCHED.replace("x_m in m, y_m in m, sd_m", "latitude_deg in deg, longitude_deg in deg, sd_m", 1)
+
+
+def test_a_model_that_is_placed_takes_percepts_in_degrees() -> None:
+    looking = Placed(PLACED + BELIEFS + "stream seen = beliefs\n")
+    for _ in range(10):
+        looking.look((58.4001, 15.6))
+    names = [field.name for field in BELIEF_SORT.fields]
+    where = dict(zip(names, looking.beliefs[-1][0], strict=True))
+    assert (where["x_m"], where["y_m"]) == pytest.approx((0.0, 11.1), abs=0.3)
+
+
+def test_an_origin_of_the_model_that_is_another_than_that_of_the_specification_is_refused() -> None:
+    define = "define ORIGIN_LATITUDE_DEG = 58.4\ndefine ORIGIN_LONGITUDE_DEG = {}\n"
+    Placed(define.format(15.6) + PLACED + BELIEFS + "stream seen = beliefs\n")
+    with pytest.raises(TextError, match=r"\[origin\] of examples/world/yard.toml is 5847.2 m from"):
+        Placed(define.format(15.7) + PLACED + BELIEFS + "stream seen = beliefs\n")

@@ -8,7 +8,7 @@ from pathlib import Path
 import numpy as np
 import pytest
 
-from anchoring.roads.files.geojson import read_roads
+from anchoring.roads.files.formats import read_roads
 from dyknow.model.errors import DyknowError
 from sim_uavs.roads.__main__ import main
 from sim_uavs.roads.percepts import PerceptSource, Seeing, SeenPercept

@@ -1,8 +1,9 @@
 """`dyknow roads check`, and roads of `dyknow link`."""
 
+import json
 from pathlib import Path
 
-from tests.anchoring.roads.towns import NO_LINE, cross, crossing, text
+from tests.anchoring.roads.towns import NO_LINE, cross, crossing, link, text
 from tests.console.conftest import Run
 
 
@@ -13,9 +14,20 @@ def test_a_network_is_summed_up_in_a_sentence(dyknow: Run, tmp_path: Path) -> No
     assert done.returncode == 0
     shown = " ".join(done.stdout.split())
     assert (
-        "GeoJSON, 1 crossing, 16 turns, 4 links, 8 lanes, 0 areas, 0.8 km, 1 part, 4 dead ends, x and y in metres"
+        "GeoJSON, 1 crossing, 4 links, 8 lanes, 0 areas, 0.8 km, 1 part, 4 dead ends, x and y in metres; recognised: "
+        "16 turns (4 left, 4 right, 4 straight, 4 back), 4 forks, 8 ways, 4 links both ways; 0 errors, 0 warnings"
         in shown
     )
+
+
+def test_a_map_on_which_no_turn_can_be_recognised_has_a_warning(dyknow: Run, tmp_path: Path) -> None:
+    file = tmp_path / "town.geojson"
+    file.write_text(text(crossing("x", 0.0, 0.0), link("l", None, "x", [(-99.0, 0.0), (0.0, 0.0)], oneway=True)))
+    done = dyknow("roads", "check", str(file), "--json")
+    assert done.returncode == 0
+    remark, summary = map(json.loads, done.stdout.splitlines())
+    assert (remark["severity"], summary["warnings"], summary["turns"]) == ("warning", 1, 0)
+    assert "no turn can be recognised on it" in remark["message"]
 
 
 def test_each_problem_is_a_line_with_the_feature_the_cause_and_the_remedy(dyknow: Run, tmp_path: Path) -> None:
