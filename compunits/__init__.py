@@ -39,6 +39,7 @@ from compunits.motion import (
     track,
 )
 from compunits.near_pairs import NearPairs
+from compunits.pair_relations import StableRelations
 from compunits.numeric import numbers_of, numeric
 from compunits.registry import Catalogue, catalogue, library, load_module, prototypes_of
 from compunits.relations import (
@@ -102,6 +103,7 @@ __all__ = [
     "SpeedEst",
     "StabilityFilter",
     "StableFields",
+    "StableRelations",
     "Subjects",
     "TrackEst",
     "bearing",
