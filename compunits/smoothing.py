@@ -182,6 +182,10 @@ class StableFields:
                 self._passed[i] = part
         return None if None in self._passed else Sample(now_us, valid_us, tuple(self._passed), quality)
 
+    def restart(self) -> None:
+        """Each component has to be stable again before it passes."""
+        self._candidates, self._lacking_us = [], None
+
     def _without(self, now_us: int, valid_us: int, quality: Quality) -> Sample | None:
         if not self._candidates or valid_us < self._latest_us:
             return None
@@ -190,7 +194,7 @@ class StableFields:
             self._lacking_us = valid_us
         if valid_us - self._lacking_us < self._span_us:
             return None
-        self._candidates, self._lacking_us = [], None
+        self.restart()
         return Sample(now_us, valid_us, NO_VALUE, quality)
 
 
