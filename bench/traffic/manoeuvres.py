@@ -126,5 +126,5 @@ def reported(records: Iterable[Mapping[str, Any]], stream: str) -> list[tuple[tu
     for record in records:
         if record.get("stream") == stream:
             one, other = record["value"][0][:2]
-            found.append(((str(one), str(other)), int(record["t_ms"])))
+            found.append(((str(one), str(other)), int(record["valid_us"]) // 1000))
     return found

@@ -15,7 +15,7 @@ STEP_S: Final = 0.1
 LANE_M: Final = 3.5
 WARM_S: Final = 45.0
 ROAD_M: Final = (-400.0, 1100.0)
-VIEW_M: Final = (0.0, 450.0)
+VIEW_M: Final = (0.0, 650.0)
 LENGTH_M: Final = 4.5
 TIMES: Final = (1.0, 3.0)
 """How long a car is hidden, s."""
