@@ -39,8 +39,8 @@ from compunits.motion import (
     track,
 )
 from compunits.near_pairs import NearPairs
-from compunits.pair_relations import StableRelations
 from compunits.numeric import numbers_of, numeric
+from compunits.pair_relations import StableRelations
 from compunits.registry import Catalogue, catalogue, library, load_module, prototypes_of
 from compunits.relations import (
     CAR_RELATIONS,

@@ -116,7 +116,9 @@ def _between(before: Sample, after: Sample, valid_us: int) -> Sample:
         )
     except TypeError:
         return after
-    return after._replace(value=(after.value[0], *place, *after.value[3:]), quality=_worse(before.quality, after.quality))
+    return after._replace(
+        value=(after.value[0], *place, *after.value[3:]), quality=_worse(before.quality, after.quality)
+    )
 
 
 def _worse(one: Quality, other: Quality) -> Quality:

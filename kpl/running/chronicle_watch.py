@@ -18,10 +18,12 @@ from typing import Final, NamedTuple
 from dyknow import NO_VALUE, Label, Network, Policy, Sample, Sort, Value
 from dyknow.model.instants import US_PER_MS, US_PER_S
 from dyknow.model.members import members_of
+from dyknow.model.sample import Predicted
 from dyknow.network.mediation import Configuration
 from dyknow.network.process import FAR_US, Input
 from dyknow.network.stream_proxy import StreamProxy
 from dyknow.objects.object_streams import attribute_of, domain_of
+from kpl.running.predicted_events import PredictedEvents
 from kpl.syntax.specification import RECOGNISED
 from reasoning import chronicles
 from reasoning.chronicles.definition.compilation import Pattern
@@ -48,6 +50,7 @@ class QueuedSample(NamedTuple):
     number: int
     label: Label
     value: Value
+    prediction: Predicted | None = None
     parts: Sequence[tuple[int, Label]] = ()
 
 
@@ -56,7 +59,7 @@ class ChronicleWatch:
 
     Args:
         delay_us: how late samples may come.
-        on_recognised: called with every instance, and when (federation time).
+        on_recognised: called with every instance, the prediction on which it rests, if it does, and when (federation time).
         on_fault: called once for what is wrong with a stream or a chronicle.
         max_age_ms: instances last no longer; None: as their chronicles say.
         initially: the first values of streams have been so since ever (8.4); names: of these streams.
@@ -74,7 +77,7 @@ class ChronicleWatch:
         network: Network,
         content: chronicles.ChronicleFile,
         delay_us: int,
-        on_recognised: Callable[[chronicles.ChronicleInstance, int], None],
+        on_recognised: Callable[[chronicles.ChronicleInstance, Predicted | None, int], None],
         on_fault: Callable[[Label, str], None],
         limits: chronicles.RecognitionLimits | None = None,
         *,
@@ -84,6 +87,7 @@ class ChronicleWatch:
     ) -> None:
         compiled = [chronicles.compile_chronicle(each, content, max_age_ms) for each in content.chronicles.values()]
         self.recogniser = chronicles.Recogniser(compiled, limits)
+        self._predicted = PredictedEvents(compiled)
         self._events = chronicles.ChangeEvents(self.recogniser, initially=initially)
         self.proxies: dict[Label, StreamProxy] = {}
         self.network, self.delay_us = network, delay_us
@@ -243,7 +247,9 @@ class ChronicleWatch:
 
     def _on_sample(self, label: Label, sample: Sample) -> None:
         self._count += 1
-        heappush(self._waiting, QueuedSample(sample.valid_us, self._count, label, sample.value, self._parts.get(label, ())))
+        prediction, parts = sample.quality.prediction, self._parts.get(label, ())
+        queued = QueuedSample(sample.valid_us, self._count, label, sample.value, prediction, parts)
+        heappush(self._waiting, queued)
         self.on_time(sample.available_us)
 
     def _tell(self, event: QueuedSample, now_us: int) -> None:
@@ -252,9 +258,10 @@ class ChronicleWatch:
             self._tell_parts(event, now_us)
             return
         if key in self._messages and event.value is not NO_VALUE:
+            self._predicted.on_event(event.valid_us // US_PER_MS, *label, event.prediction)
             self._bring(self.recogniser.on_message(event.valid_us // US_PER_MS, *label), now_us)
         if key in self._changes:
-            self._tell_change(label, event.valid_us, event.value, now_us)
+            self._tell_change(label, event.valid_us, event.value, event.prediction, now_us)
 
     def _tell_parts(self, event: QueuedSample, now_us: int) -> None:
         """The attributes of a record; where none has changed, time has passed."""
@@ -263,16 +270,22 @@ class ChronicleWatch:
         if value is not NO_VALUE and (clock_ms is None or event.valid_us // US_PER_MS >= clock_ms):
             self._records[label] = value
         for at, part in parts[:1] if is_same else parts:
-            self._tell_change(part, event.valid_us, NO_VALUE if value is NO_VALUE else value[at], now_us)
+            one = NO_VALUE if value is NO_VALUE else value[at]
+            self._tell_change(part, event.valid_us, one, event.prediction, now_us)
 
-    def _tell_change(self, label: Label, valid_us: int, value: Value, now_us: int) -> None:
-        if value is not NO_VALUE and symbol(value) is None:
+    def _tell_change(
+        self, label: Label, valid_us: int, value: Value, prediction: Predicted | None, now_us: int
+    ) -> None:
+        new, old = symbol(value), self._events.values.get(label)
+        if value is not NO_VALUE and new is None:
             self._once(label, f"{value!r} is no symbol: what a chronicle speaks of has discrete values")
+        if new is not None and new != old:
+            self._predicted.on_event(valid_us // US_PER_MS, label.feature, (*label.objects, old, new), prediction)
         self._bring(self._events.on_sample(label, valid_us, value), now_us)
 
     def _bring(self, found: list[chronicles.ChronicleInstance], now_us: int) -> None:
         for each in found:
-            self._on_recognised(each, now_us)
+            self._on_recognised(each, self._predicted.of(each), now_us)
         if self.recogniser.is_complete:
             return
         for name, reasons in self.recogniser.incomplete.items():
