@@ -37,6 +37,8 @@ CAR: Final = Sort("car", (*_PLACE, Field("forward_deg", "deg"), *_AREAS))
 """The same of a car whose forward direction is known: along its road segment or against it."""
 CAR_AREA: Final = Sort("car-area", _AREAS)
 """The areas of the map that a car is in: `cars.link[car1]` and `cars.crossing[car1]` of 8.7.4."""
+CAR_WAY: Final = Sort("car-way", (Field("link", "text"), Field("along", "bool")))
+"""The link that a car is on, and whether it drives along the direction that is given of it."""
 ROAD_OFFSET: Final = Sort("road-offset", (Field("ahead_m", "m"), Field("right_m", "m"), Field("agreement", "1")))
 """Where car 1 is, seen from car 2 in the direction in which car 1 drives; `agreement`: the cosine of their directions."""
 ROAD_RELATIONS: Final = Sort(
@@ -146,6 +148,24 @@ class CarByStep(CarOnRoad):
 
     def __init__(self, metres: float = 0.01) -> None:
         super().__init__(metres)
+
+
+@computational_unit(CAR_WAY, SEEN_CAR)
+class CarWay:
+    """On which link a car is and whether it drives along it, by its motion, as `CarOnRoad`; a car that turns back changes that.
+
+    Args:
+        metres: so far it has to drive the other way before that counts.
+    """
+
+    def __init__(self, metres: float = 10.0) -> None:
+        self._car = CarOnRoad(metres)
+
+    def __call__(self, now_us: int, sample: Sample) -> Value:
+        car = self._car(now_us, sample)
+        if not isinstance(car, tuple):
+            return car
+        return car[4], math.cos(math.radians(car[3] - sample.value[3])) > 0.0
 
 
 @value_unit(CAR_AREA, CAR, name="CarArea")

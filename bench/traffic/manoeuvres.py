@@ -1,7 +1,7 @@
 """Overtakes that really happened in a minute, and how right reports of them are."""
 
 from collections.abc import Iterable, Mapping, Sequence
-from itertools import permutations
+from itertools import pairwise, permutations
 from typing import Any, Final, NamedTuple
 
 from bench.traffic.motorway import CarAt, Minute
@@ -80,7 +80,7 @@ def _passes_of(pair: tuple[str, str], minute: Minute, both: Sequence[int]) -> li
         run[3] = run[3] + 100 if one.is_seen and other.is_seen else max(0, run[3] - 100)
         run[4] = max(run[4], run[3])
     found = []
-    for before, after in zip(runs, runs[1:], strict=False):
+    for before, after in pairwise(runs):
         if before[0] == "behind":
             is_clear = min(before[4], after[4]) >= CLEAR_MS and after[1] - before[2] <= LONGEST_MS
             found.append(Pass(pair, before[2], after[1], is_clear))
