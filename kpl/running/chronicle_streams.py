@@ -42,11 +42,11 @@ MAX_DELAY_US: Final = US_PER_S
 
 
 class ChronicleStreams:
-    """The chronicles of one file in a specification, with the streams of what is recognised."""
+    """The chronicles of one file in a specification, `content`, with the streams of what is recognised."""
 
     def __init__(self, network: Network, declaration: ChronicleDeclaration, content: chronicles.ChronicleFile) -> None:
         delay_us = declaration.policy.max_delay_us
-        self._network, self._content = network, content
+        self._network, self.content = network, content
         self._out = {name: network.add_source(Label(RECOGNISED, (name,)), SORT) for name in content.chronicles}
         self.watch = ChronicleWatch(
             network,
@@ -68,7 +68,7 @@ class ChronicleStreams:
     def cancel(self) -> None:
         """Recognise nothing from now on."""
         self.watch.cancel()
-        for name in self._content.chronicles:
+        for name in self.content.chronicles:
             self._network.remove(Label(PARTIAL, (name,)))
         for generator in self._out.values():
             self._network.remove(generator.label)
@@ -77,7 +77,7 @@ class ChronicleStreams:
         self._network.on_fault(label, said)
 
     def _push(self, found: chronicles.ChronicleInstance, prediction: Predicted | None, now_us: int) -> None:
-        parameters = self._content.chronicles[found.chronicle].parameters
+        parameters = self.content.chronicles[found.chronicle].parameters
         arguments = [
             found.bindings.get(str(one), NO_VALUE) if isinstance(one, chronicles.ChronicleVariable) else one
             for one in parameters
