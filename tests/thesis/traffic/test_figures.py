@@ -112,7 +112,7 @@ CHAINS = {
         ("car_objects.objects", "cars[c]"),
         ("on_map[c]", "car[c]", "area[c]", "cars[c]", "turns.chr"),
         ("links.left[l, x, m]", "turns.chr"),
-        ("car_objects.objects", "car_pairs"),
+        ("car_objects", "car_pairs"),
         ("car_pairs", "car_relations[a, b]"),
         ("left_turns", "links.left[l, x, m]"),
         ("turns.chr", "chronicle[turn_left_in_crossing]", "turns_left"),

@@ -2,13 +2,14 @@
 
 import json
 import resource
+import subprocess
+import sys
 
 import pytest
 
 from bench.traffic.manoeuvres import Score, passes, reported, score
 from bench.traffic.motorway import minute
-from tests.command import run
-from tests.docs.pages import ROOT, environment
+from tests.docs.pages import COMMAND, ROOT, environment
 from tests.thesis.traffic.written import EXAMPLES
 
 LEAST = 0.95
@@ -24,7 +25,8 @@ def recognised(made, folder):
     (folder / "passes.kpl").write_text(whole.partition("stream too_near")[0], "utf-8")
     (folder / "overtakes.chr").write_text((EXAMPLES / "overtakes.chr").read_text("utf-8"), "utf-8")
     before = _used_s()
-    done = run(["kpl", "run", str(folder / "passes.kpl"), "--feed", str(feed), "--json"], environment(folder), ROOT)
+    call = [sys.executable, "-c", COMMAND, "kpl", "run", str(folder / "passes.kpl"), "--feed", str(feed), "--json"]
+    done = subprocess.run(call, env=environment(folder), cwd=ROOT, capture_output=True, text=True, check=False)  # noqa: S603
     assert done.returncode == 0, done.stderr
     took_s = _used_s() - before
     return score(made, reported(map(json.loads, done.stdout.splitlines()), "passed")), took_s
