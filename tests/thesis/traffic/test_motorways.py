@@ -26,7 +26,7 @@ def recognised(made, folder):
     (folder / "overtakes.chr").write_text((EXAMPLES / "overtakes.chr").read_text("utf-8"), "utf-8")
     before = _used_s()
     call = [sys.executable, "-c", COMMAND, "kpl", "run", str(folder / "passes.kpl"), "--feed", str(feed), "--json"]
-    done = subprocess.run(call, env=environment(folder), cwd=ROOT, capture_output=True, text=True, check=False)  # noqa: S603
+    done = subprocess.run(call, env=environment(folder), cwd=ROOT, capture_output=True, text=True, check=False)
     assert done.returncode == 0, done.stderr
     took_s = _used_s() - before
     return score(made, reported(map(json.loads, done.stdout.splitlines()), "passed")), took_s
