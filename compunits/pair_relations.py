@@ -36,6 +36,7 @@ class StablePair(ABC):
         self._last: list[Sample | None] = [None, None]
         self._before: list[Sample | None] = [None, None]
         self._ends_us: int | None = None
+        self._sure_us = 0
 
     @abstractmethod
     def _record(self, forward_deg: float) -> Value:
@@ -103,8 +104,11 @@ class StablePair(ABC):
         offsets.append((valid_us, *offset, quality, x_m, y_m))
         while offsets[0][0] <= valid_us - self._span_us:
             offsets.popleft()
-        for each in offsets:
-            quality = _worse(quality, each[4])
+        if quality is not SURE:
+            self._sure_us = valid_us + self._span_us
+        if valid_us < self._sure_us:
+            for each in offsets:
+                quality = _worse(quality, each[4])
         return self._stable.on_record(now_us, valid_us, self._record(forward_deg), quality)
 
 

@@ -94,6 +94,7 @@ class ChronicleWatch:
         self.listeners: list[Callable[[int], None]] = []
         self._dropped = Counter[str]()
         self._look_us = self._ignored_said = 0
+        self._clock_ms: int | None = None
         self._on_recognised, self._on_fault, self._refusal = on_recognised, on_fault, refusal
         self._changes: dict[tuple[str, int], list[Pattern]] = {}
         self._messages: dict[tuple[str, int], list[Pattern]] = {}
@@ -133,6 +134,7 @@ class ChronicleWatch:
     def on_time(self, now_us: int) -> None:
         """What waited long enough is passed on in its order, and the clock is moved."""
         clock_us = now_us - self.delay_us
+        self._clock_ms = clock_us // US_PER_MS
         while self._waiting and self._waiting[0].valid_us <= clock_us:
             self._tell(heappop(self._waiting), now_us)
         self._bring(self.recogniser.on_time(clock_us // US_PER_MS), now_us)
@@ -250,7 +252,8 @@ class ChronicleWatch:
         prediction, parts = sample.quality.prediction, self._parts.get(label, ())
         queued = QueuedSample(sample.valid_us, self._count, label, sample.value, prediction, parts)
         heappush(self._waiting, queued)
-        self.on_time(sample.available_us)
+        if (sample.available_us - self.delay_us) // US_PER_MS != self._clock_ms:
+            self.on_time(sample.available_us)
 
     def _tell(self, event: QueuedSample, now_us: int) -> None:
         label, key = event.label, (event.label.feature, len(event.label.objects))
