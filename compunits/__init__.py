@@ -12,6 +12,7 @@ from compunits.cars import (
     CarByStep,
     CarInLane,
     CarOnRoad,
+    CarWay,
     RoadRelations,
     SeenTogether,
     SmoothOffset,
@@ -40,6 +41,7 @@ from compunits.motion import (
 )
 from compunits.near_pairs import NearPairs
 from compunits.numeric import numbers_of, numeric
+from compunits.pair_relations import StableFollowing, StableRelations
 from compunits.registry import Catalogue, catalogue, library, load_module, prototypes_of
 from compunits.relations import (
     CAR_RELATIONS,
@@ -79,6 +81,7 @@ __all__ = [
     "CarByStep",
     "CarInLane",
     "CarOnRoad",
+    "CarWay",
     "Catalogue",
     "ClimbEst",
     "Close",
@@ -102,6 +105,8 @@ __all__ = [
     "SpeedEst",
     "StabilityFilter",
     "StableFields",
+    "StableFollowing",
+    "StableRelations",
     "Subjects",
     "TrackEst",
     "bearing",

@@ -37,6 +37,8 @@ CAR: Final = Sort("car", (*_PLACE, Field("forward_deg", "deg"), *_AREAS))
 """The same of a car whose forward direction is known: along its road segment or against it."""
 CAR_AREA: Final = Sort("car-area", _AREAS)
 """The areas of the map that a car is in: `cars.link[car1]` and `cars.crossing[car1]` of 8.7.4."""
+CAR_WAY: Final = Sort("car-way", (Field("link", "text"), Field("along", "bool")))
+"""The link that a car is on, and whether it drives along the direction that is given of it."""
 ROAD_OFFSET: Final = Sort("road-offset", (Field("ahead_m", "m"), Field("right_m", "m"), Field("agreement", "1")))
 """Where car 1 is, seen from car 2 in the direction in which car 1 drives; `agreement`: the cosine of their directions."""
 ROAD_RELATIONS: Final = Sort(
@@ -148,6 +150,24 @@ class CarByStep(CarOnRoad):
         super().__init__(metres)
 
 
+@computational_unit(CAR_WAY, SEEN_CAR)
+class CarWay:
+    """On which link a car is and whether it drives along it, by its motion, as `CarOnRoad`; a car that turns back changes that.
+
+    Args:
+        metres: so far it has to drive the other way before that counts.
+    """
+
+    def __init__(self, metres: float = 10.0) -> None:
+        self._car = CarOnRoad(metres)
+
+    def __call__(self, now_us: int, sample: Sample) -> Value:
+        car = self._car(now_us, sample)
+        if not isinstance(car, tuple):
+            return car
+        return car[4], math.cos(math.radians(car[3] - sample.value[3])) > 0.0
+
+
 @value_unit(CAR_AREA, CAR, name="CarArea")
 def car_area(car: Value) -> Value:
     """The link and the crossing that a car is in, `no_link` and `no_crossing` where it is in none."""
@@ -157,25 +177,26 @@ def car_area(car: Value) -> Value:
 @value_unit(ROAD_OFFSET, "state", name="RoadOffset")
 def road_offset(pair: Value) -> Value:
     """From a state of two cars: where the first is, seen from the second; no value unless both are on one link."""
+    return offset_of(pair) or NO_VALUE
+
+
+def offset_of(pair: Value) -> tuple[float, float, float] | None:
+    """The same; None: there is none."""
     one, other = pair if isinstance(pair, tuple) and len(pair) == 2 else (NO_VALUE, NO_VALUE)
     if not _is_car(one) or not _is_car(other) or one[4] != other[4] or one[4] == NO_LINK:
-        return NO_VALUE
-    return _offset(one[1:4], other[1:4])
+        return None
+    try:
+        east_m, north_m, forward = one[1] - other[1], one[2] - other[2], math.radians(one[3])
+        agreement = math.cos(math.radians(other[3]) - forward)
+    except (TypeError, ArithmeticError, ValueError):
+        return None
+    sine, cosine = math.sin(forward), math.cos(forward)
+    ahead_m, right_m = east_m * sine + north_m * cosine, east_m * cosine - north_m * sine
+    return (ahead_m, right_m, agreement) if math.isfinite(ahead_m + right_m) else None
 
 
 def _is_car(value: Value) -> TypeGuard[tuple[Any, ...]]:
     return isinstance(value, tuple) and len(value) >= len(CAR.fields)
-
-
-@numeric(3, 3)
-def _offset(one: Numbers, other: Numbers) -> Value:
-    east_m, north_m, forward = one[0] - other[0], one[1] - other[1], math.radians(one[2])
-    sine, cosine = math.sin(forward), math.cos(forward)
-    return (
-        east_m * sine + north_m * cosine,
-        east_m * cosine - north_m * sine,
-        math.cos(math.radians(other[2]) - forward),
-    )
 
 
 @computational_unit(ROAD_OFFSET, ROAD_OFFSET, history_us=US_PER_S)
@@ -200,11 +221,16 @@ class RoadRelations:
     @numeric(3)
     def __call__(self, offset: Numbers) -> Value:
         ahead_m, right_m, agreement = offset
-        if not ahead_m and not right_m:
-            return NO_VALUE
-        quarter = round(heading_deg(ahead_m, right_m) / 90.0) % 4
-        close = math.hypot(ahead_m, right_m) <= self._most_m
-        return quarter == 2, quarter in {1, 3}, quarter == 0, quarter == 3, quarter == 1, agreement < 0.0, close
+        return relations_of(ahead_m, right_m, agreement, self._most_m)
+
+
+def relations_of(ahead_m: float, right_m: float, agreement: float, most_m: float) -> Value:
+    """What `RoadRelations` gives for an offset; no value where both are in one place."""
+    if not ahead_m and not right_m:
+        return NO_VALUE
+    quarter = round(heading_deg(ahead_m, right_m) / 90.0) % 4
+    close = math.hypot(ahead_m, right_m) <= most_m
+    return quarter == 2, quarter in {1, 3}, quarter == 0, quarter == 3, quarter == 1, agreement < 0.0, close
 
 
 @value_unit("pairs", "object", name="Pairs")

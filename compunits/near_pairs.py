@@ -7,7 +7,6 @@ from collections.abc import Iterator
 from math import hypot
 from typing import Final
 
-from compunits.cars import SEEN_CAR
 from compunits.numeric import numbers_of, positive
 from dyknow import US_PER_S, Sample, Value, computational_unit
 
@@ -17,12 +16,12 @@ _UNSEEN_US: Final = 5 * US_PER_S
 _PLACED: Final = 3
 
 
-@computational_unit("pairs", SEEN_CAR)
+@computational_unit("pairs", "?object")
 class NearPairs:
     """Pairs of two different cars within `metres`, in both orders; an output whenever the set changes.
 
-    Its input is the stream of all cars, `seen_cars`. A car is there until its last sample, one whose last field is true, or until it
-    was not seen for 5 s.
+    Its input is the stream of all cars, `seen_cars`: a symbol, metres east and north, and what follows. A car is there until its
+    last sample, one whose last field is true, as `end` is, or until it was not seen for 5 s.
 
     Args:
         metres: 100; it is a pair until 1.2 times as far apart.
@@ -36,14 +35,14 @@ class NearPairs:
 
     def __call__(self, _now_us: int, sample: Sample) -> Value:
         value = sample.value
-        if not isinstance(value, tuple) or len(value) < len(SEEN_CAR.fields) or not isinstance(value[0], str):
+        if not isinstance(value, tuple) or len(value) < _PLACED or not isinstance(value[0], str):
             return None
         name, now_us = value[0], sample.valid_us
         if now_us < self._seen_us.get(name, now_us):
             return None
         has_changed = sum(self._leave(each) for each in [*self._gone(now_us)]) > 0
         place = numbers_of(value[1:_PLACED], 2)
-        if place is None or (len(value) > len(SEEN_CAR.fields) and value[-1] is True):
+        if place is None or value[-1] is True:
             has_changed |= self._leave(name)
         else:
             has_changed |= self._move(name, now_us, (place[0], place[1]))

@@ -21,14 +21,14 @@ from traceback import extract_tb
 from types import MappingProxyType, ModuleType
 from typing import Any, Final
 
-from compunits import cars, conversions, intersection, kalman, motion, near_pairs, relations, smoothing
+from compunits import cars, conversions, intersection, kalman, motion, near_pairs, pair_relations, relations, smoothing
 from dyknow import Prototype, prototypes_in
 from dyknow.model.errors import UnitError
 
 GROUP: Final = "dyknow.units"
 MAX_CAUSE: Final = 500
 """Characters of what a module that fails may say."""
-_LIBRARY: Final = (conversions, intersection, kalman, motion, relations, smoothing, cars, near_pairs)
+_LIBRARY: Final = (conversions, intersection, kalman, motion, relations, smoothing, cars, near_pairs, pair_relations)
 _NOT_OFFERED: Final = {"Conversion"}
 _OURS: Final = "the library"
 

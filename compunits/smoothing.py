@@ -158,11 +158,15 @@ class StableFields:
         self._lacking_us: int | None = None
 
     def __call__(self, now_us: int, sample: Sample) -> Sample | None:
-        record, valid_us = sample.value, sample.valid_us
+        record = sample.value
+        if record is NO_VALUE or (isinstance(record, tuple) and is_sound(record)):
+            return self.on_record(now_us, sample.valid_us, record, sample.quality)
+        return None
+
+    def on_record(self, now_us: int, valid_us: int, record: Value, quality: Quality) -> Sample | None:
+        """The same for a record of sound values, or `NO_VALUE`."""
         if record is NO_VALUE:
-            return self._without(now_us, sample)
-        if not isinstance(record, tuple) or not is_sound(record):
-            return None
+            return self._without(now_us, valid_us, quality)
         self._lacking_us = None
         if not self._candidates:
             self._candidates, self._since_us = list(record), [valid_us] * len(record)
@@ -170,25 +174,28 @@ class StableFields:
         if len(record) != len(self._candidates) or valid_us < self._latest_us:
             return None
         self._latest_us = valid_us
+        candidates, since_us, latest_us = self._candidates, self._since_us, valid_us - self._span_us
         for i, part in enumerate(record):
-            if part != self._candidates[i]:
-                self._candidates[i], self._since_us[i] = part, valid_us
-            if valid_us - self._since_us[i] >= self._span_us:
+            if part != candidates[i]:
+                candidates[i], since_us[i] = part, valid_us
+            if since_us[i] <= latest_us:
                 self._passed[i] = part
-        if None in self._passed:
-            return None
-        return Sample(now_us, valid_us, tuple(self._passed), sample.quality)
+        return None if None in self._passed else Sample(now_us, valid_us, tuple(self._passed), quality)
 
-    def _without(self, now_us: int, sample: Sample) -> Sample | None:
-        if not self._candidates or sample.valid_us < self._latest_us:
-            return None
-        self._latest_us = sample.valid_us
-        if self._lacking_us is None:
-            self._lacking_us = sample.valid_us
-        if sample.valid_us - self._lacking_us < self._span_us:
-            return None
+    def restart(self) -> None:
+        """Each component has to be stable again before it passes."""
         self._candidates, self._lacking_us = [], None
-        return Sample(now_us, sample.valid_us, NO_VALUE, sample.quality)
+
+    def _without(self, now_us: int, valid_us: int, quality: Quality) -> Sample | None:
+        if not self._candidates or valid_us < self._latest_us:
+            return None
+        self._latest_us = valid_us
+        if self._lacking_us is None:
+            self._lacking_us = valid_us
+        if valid_us - self._lacking_us < self._span_us:
+            return None
+        self.restart()
+        return Sample(now_us, valid_us, NO_VALUE, quality)
 
 
 @computational_unit("?sort", "?sort")

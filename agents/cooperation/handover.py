@@ -1,6 +1,6 @@
-"""Handover as a part: overtakes over the areas of several platforms, and what each pair of platforms shares for that (thesis 9.2).
+"""Handover as a part: manoeuvres over the areas of several platforms, and what each pair of platforms shares for that (thesis 9.2).
 
-A platform recognises overtakes of all cars of its picture. What it does not see itself it has from the platform into whose area
+A platform recognises overtakes of all cars of its picture, and whatever chronicles of relations its specification declares. What it does not see itself it has from the platform into whose area
 the cars drive: percepts, states, relations or events (`anchoring/cooperation/sharing.py`). The level is chosen once a second for
 each platform, within what `(share kbit_s: 50)` declares for all, those first into whose area cars drive; `(share level: events)` fixes it.
 """
@@ -28,6 +28,7 @@ from agents.cooperation.track_records import (
 from agents.exchange.export_proxy import ExportProxy
 from agents.interface import InterfaceAgent
 from agents.part import Part, PeerChange
+from agents.specification.specification_part import SpecificationPart
 from agents.tasks.requests import SHARE
 from anchoring.cooperation.manoeuvres import (
     PairEvents,
@@ -35,7 +36,7 @@ from anchoring.cooperation.manoeuvres import (
     PairRelations,
     SpanningManoeuvres,
     as_relation,
-    subjects,
+    handed_over,
 )
 from anchoring.cooperation.picture import HOLD_US, PERIOD_US
 from anchoring.cooperation.rows import PictureEvent, PictureRow
@@ -50,6 +51,7 @@ from federation.messages.contents import Share
 from federation.messages.descriptions import LabelEntry
 from federation.sharing.translation import Translation
 from kpl import parse_chronicles
+from reasoning.chronicles import ChronicleFile, ChronicleInstance
 
 PERCEPTS: Final = "vision-percepts"
 CAMERA: Final = "camera-state"
@@ -76,7 +78,7 @@ class Handover(Part):
 
     Attributes:
         levels: what is shared with each platform now.
-        recognised: the latest overtakes.
+        recognised: the latest manoeuvres.
     """
 
     offers = (Offer(FEDERATION, (SHARE,)),)
@@ -91,6 +93,7 @@ class Handover(Part):
         directory: DirectoryFacilitator,
         exporter: ExportProxy,
         cooperation: Cooperation,
+        specification: SpecificationPart,
         now_us: Callable[[], int],
         note: Callable[[str], None],
     ) -> None:
@@ -110,7 +113,9 @@ class Handover(Part):
         self._linked: dict[str, RemotePercepts] = {}
         self._relations, self._events = PairRelations(), PairEvents()
         text = files("agents.cooperation").joinpath("spanning.chr").read_text(encoding="utf-8")
-        self._spans = SpanningManoeuvres(parse_chronicles(text), "passes")
+        self._overtakes = parse_chronicles(text)
+        self._instance = specification.instance
+        self._spans: dict[ChronicleFile, SpanningManoeuvres] = {}
         self._due_us = self._decide_us = 0
         cooperation.takers |= {
             RELATIONS: self._on_relation, EVENTS: self._on_event, CAMERA: self._on_camera, PERCEPTS: self._on_percept
@@ -131,7 +136,7 @@ class Handover(Part):
             self._due_us = self._decide_us = 0
 
     def events(self, symbol: str | None = None) -> list[PictureEvent]:
-        """The overtakes that were recognised, of one object or of all."""
+        """The manoeuvres that were recognised, of one object or of all."""
         return [each for each in self.recognised if symbol is None or symbol in subjects_of(each)]
 
     # -- what is shared ----------------------------------------------------------------------------------------
@@ -233,8 +238,10 @@ class Handover(Part):
         now_us = self._network.now_us
         if relation is None or not all(map(picture.has, relation.pair)):
             picture.gate.refuse(unit, "relations of unknown objects")
-        elif picture.gate.is_affordable(unit, now_us) and not self._spans.take_from(relation, now_us):
-            picture.gate.refuse(unit, "late relations, or too many")
+        elif picture.gate.is_affordable(unit, now_us):
+            taken = [spans.take_from(relation, now_us) for spans in self._spans.values()]
+            if not all(taken):
+                picture.gate.refuse(unit, "late relations, or too many")
 
     def _on_camera(self, unit: str, sample: Sample) -> None:
         if self._frame is None or sample.value is NO_VALUE:
@@ -265,21 +272,39 @@ class Handover(Part):
         if now_us >= self._decide_us:
             self._decide_us = now_us + DECIDES_US
             self._decide(now_us)
+            self._renew()
         for linked in self._linked.values():
             for report in linked.reports(federation_us):
                 picture.report(report, federation_us)
         rows = [row for row in picture.rows(at_us) if self._sees(row)]
         found = self._relations.step(rows, at_us)
-        self._spans.take(found)
         own = {row.name for row in rows if self._unit in row.by}
         self._offer_news([each for each in found if own.issuperset(each.pair)], federation_us)
-        for instance in self._spans.on_time(federation_us):
-            one, other = subjects(instance)
-            took_ms = instance.instants["past"] - instance.instants["out"]
-            because = f"behind until {took_ms / 1000:.1f} s before; {self._sources()}"
-            self.recognised.append(
-                PictureEvent(instance.instants["past"] * US_PER_MS, "recognised", f"passes[{one}, {other}]", because)
-            )
+        for spans in self._spans.values():
+            spans.take(found)
+            for instance in spans.on_time(federation_us):
+                self._recognise(instance, spans.subjects(instance))
+
+    def _recognise(self, instance: ChronicleInstance, subjects: tuple[str, ...]) -> None:
+        times = [at_ms for at_ms in instance.instants.values() if at_ms > 0]
+        begin_ms, end_ms = (
+            instance.instants.get("out", min(times, default=0)),
+            instance.instants.get("past", instance.recognised_ms),
+        )
+        took = "behind until" if "out" in instance.instants else "begun"
+        because = f"{took} {(end_ms - begin_ms) / 1000:.1f} s before; {self._sources()}"
+        name = f"{instance.chronicle}[{', '.join(subjects)}]"
+        self.recognised.append(PictureEvent(end_ms * US_PER_MS, "recognised", name, because))
+
+    def _renew(self) -> None:
+        """The chronicles that are recognised: those that the specification declares, and overtakes in any case."""
+        declared = [each.content for each in self._instance.chronicles.values()]
+        wanted: dict[ChronicleFile, tuple[str, ...]] = {each: handed_over(each) for each in declared}
+        if not any("passes" in names for names in wanted.values()):
+            wanted[self._overtakes] = ("passes",)
+        self._spans = {
+            each: self._spans.get(each) or SpanningManoeuvres(each, *names) for each, names in wanted.items() if names
+        }
 
     def _sees(self, row: PictureRow) -> bool:
         """Whether its state is known here, and not only to platforms that share less."""

@@ -92,8 +92,8 @@ def pair_relation(sample: Sample) -> PairRelation | None:
 
 
 def event_value(event: PairEvent) -> Value:
-    """An event as a value of `pair-events`."""
-    return _pair_name(event.pair), *event.pair, event.kind, False
+    """An event as a value of `pair-events`: several of one pair may be of one time."""
+    return f"{_pair_name(event.pair)}-{event.kind}", *event.pair, event.kind, False
 
 
 def pair_event(sample: Sample) -> PairEvent | None:

@@ -8,7 +8,7 @@ from agents.exchange.label_agreements import LabelAgreements
 from agents.interface import InterfaceAgent
 from agents.part import Part
 from agents.tasks.life import TaskLife
-from dyknow import US_PER_S, Label, Network
+from dyknow import US_PER_S, Label, Network, Predicted
 from dyknow.model.errors import ChronicleError, Refused
 from dyknow.model.instants import US_PER_MS
 from federation.members.clock import FederationClock
@@ -80,9 +80,9 @@ class Recognitions(Part):
         delay_us = MAX_DELAY_US if content.delay_s is None else round(content.delay_s * US_PER_S)
         network, numbers = self._network, count(1)
 
-        def on_recognised(instance: ChronicleInstance, _at_us: int) -> None:
+        def on_recognised(instance: ChronicleInstance, prediction: Predicted | None, _at_us: int) -> None:
             if next(numbers) <= MOST_TOLD:
-                self._inform(act, _said(instance))
+                self._inform(act, _said(instance, prediction))
 
         def on_fault(label: Label, said: str) -> None:
             self._inform(act, Reason(text=f"{label}: {said}"[:1000]))
@@ -142,12 +142,13 @@ class Recognitions(Part):
         return found
 
 
-def _said(instance: ChronicleInstance) -> Recognised:
+def _said(instance: ChronicleInstance, prediction: Predicted | None) -> Recognised:
     return Recognised(
         chronicle=instance.chronicle,
         bindings=dict(instance.bindings),
         instants={name: at_ms * US_PER_MS for name, at_ms in instance.instants.items()},
         recognised_us=instance.recognised_ms * US_PER_MS,
+        made_us=None if prediction is None else prediction.made_us,
     )
 
 

@@ -2,7 +2,7 @@
 
 Of each two objects that are near each other the relations of 8.7.5 are computed from their states under their common names, in
 the direction in which the first drives. What others report of the same pairs is taken with them, in the order of valid times,
-and a chronicle is recognised over all.
+and chronicles are recognised over all: any whose attributes are relations of two objects.
 """
 
 from collections.abc import Iterable, Mapping
@@ -15,7 +15,8 @@ from anchoring.cooperation.rows import PictureRow
 from anchoring.links.states import ObjectState
 from compunits import ROAD_RELATIONS, RoadRelations, SmoothOffset, StableFields
 from dyknow import US_PER_S, ComputationalUnit, Label, Sample, UnitPrototype, Value, prototypes_in
-from reasoning.chronicles import ChangeEvents, ChronicleFile, ChronicleInstance, Recogniser
+from reasoning.chronicles import ChangeEvents, ChronicleFile, ChronicleInstance, Recogniser, compile_chronicle
+from reasoning.chronicles.definition.compilation import Pattern
 
 NEAR_M: Final = 80.0
 MOVES_M_S: Final = 2.0
@@ -30,25 +31,36 @@ MOST_PAIRS: Final = 256
 MAX_AGE_MS: Final = 600_000
 EARLY_US: Final = US_PER_S
 MOST_WAITING: Final = 4096
-ATTRIBUTE: Final = "car_relations"
 _FIELDS: Final = tuple(field.name for field in ROAD_RELATIONS.fields)
-_BEHIND: Final = _FIELDS.index("behind")
-_IN_FRONT: Final = _FIELDS.index("in_front")
 
 Pair: TypeAlias = tuple[str, str]
-EventKind: TypeAlias = Literal["comes-in-front", "falls-behind"]
+EventKind: TypeAlias = Literal[
+    "comes-in-front", "falls-behind", "comes-left", "comes-right", "turns-oncoming", "turns-along", "comes-close", "goes-away"
+]  # fmt: skip
+_SECTORS: Final = ("behind", "in_front", "left", "right")
+_HOLDS: Final[Mapping[EventKind, Mapping[str, bool]]] = {
+    "comes-in-front": {each: each == "in_front" for each in _SECTORS} | {"beside": False},
+    "falls-behind": {each: each == "behind" for each in _SECTORS} | {"beside": False},
+    "comes-left": {each: each == "left" for each in _SECTORS} | {"beside": True},
+    "comes-right": {each: each == "right" for each in _SECTORS} | {"beside": True},
+    "turns-oncoming": {"oncoming": True},
+    "turns-along": {"oncoming": False},
+    "comes-close": {"close": True},
+    "goes-away": {"close": False},
+}
+"""What is so from each event on."""
 
 
 class PairRelation(NamedTuple):
-    """What the first object is to the second; `record` as `ROAD_RELATIONS`."""
+    """What the first object is to the second; `record` as `ROAD_RELATIONS`, None where an event does not say it."""
 
     valid_us: int
     pair: Pair
-    record: tuple[bool, ...]
+    record: tuple[bool | None, ...]
 
 
 class PairEvent(NamedTuple):
-    """The first object has come in front of the second, or fallen behind it."""
+    """A relation of the first object to the second has begun."""
 
     valid_us: int
     pair: Pair
@@ -95,61 +107,94 @@ class PairRelations:
 
 
 class PairEvents:
-    """Recognises that objects come in front of others or fall behind them."""
+    """Recognises which relations of pairs begin."""
 
     def __init__(self) -> None:
-        self._last: dict[Pair, tuple[bool, ...]] = {}
+        self._last: dict[Pair, Mapping[str, bool | None]] = {}
 
     def news(self, relations: Iterable[PairRelation]) -> list[PairEvent]:
         """The events in new relations."""
         found: list[PairEvent] = []
         for each in relations:
-            before = self._last.get(each.pair)
-            for at, kind in ((_IN_FRONT, "comes-in-front"), (_BEHIND, "falls-behind")):
-                if each.record[at] and not (before is not None and before[at]):
-                    found.append(PairEvent(each.valid_us, each.pair, kind))  # type: ignore[arg-type]
-            self._last[each.pair] = each.record
+            before = self._last.get(each.pair, {})
+            record = dict(zip(_FIELDS, each.record, strict=True))
+            found += [
+                PairEvent(each.valid_us, each.pair, kind)
+                for kind, holds in _HOLDS.items()
+                if holds.items() <= record.items() and not holds.items() <= before.items()
+            ]
+            self._last[each.pair] = record
             if len(self._last) > 2 * MOST_PAIRS:
                 del self._last[next(iter(self._last))]
         return found
 
 
 def as_relation(event: PairEvent) -> PairRelation:
-    """What holds of a pair when an event of another member happened: what was between is not known."""
-    is_front = event.kind == "comes-in-front"
-    holds = {"in_front": is_front, "behind": not is_front, "close": True}
-    return PairRelation(event.valid_us, event.pair, tuple(holds.get(name, False) for name in _FIELDS))
+    """What holds of a pair since an event of another member; the rest is as it was."""
+    holds = _HOLDS[event.kind]
+    return PairRelation(event.valid_us, event.pair, tuple(holds.get(name) for name in _FIELDS))
+
+
+def handed_over(chronicles: ChronicleFile) -> tuple[str, ...]:
+    """The chronicles of a file that are recognised over the areas of several members: all they need are relations of two objects.
+
+    The attributes may be those of any stream of two objects, `car_relations.behind[?a, ?b]`.
+
+    Raises:
+        ChronicleError: one of them cannot be recognised.
+    """
+    compiled = {name: compile_chronicle(each, chronicles) for name, each in chronicles.chronicles.items()}
+    left = dict(compiled)
+    while True:
+        kept = {name: each for name, each in left.items() if all(_is_handed_over(one, left) for one in each.patterns)}
+        if len(kept) == len(left):
+            return tuple(kept)
+        left = kept
+
+
+def _is_handed_over(pattern: Pattern, chronicles: Mapping[str, object]) -> bool:
+    if not pattern.change:
+        return pattern.name in chronicles
+    return pattern.arity == len(("first", "second")) and pattern.name.rpartition(".")[2] in _FIELDS
 
 
 class SpanningManoeuvres:
-    """Recognises a chronicle over the relations that this member and others have of pairs.
+    """Recognises chronicles over the relations that this member and others have of pairs.
 
     Args:
         chronicles: over the attributes `car_relations.behind[?car1, ?car2]` and so on.
-        name: which of them.
+        names: which of them.
     """
 
-    def __init__(self, chronicles: ChronicleFile, name: str) -> None:
-        self._recogniser = Recogniser.of(chronicles, (name,), max_age_ms=MAX_AGE_MS)
+    def __init__(self, chronicles: ChronicleFile, *names: str) -> None:
+        self._recogniser = Recogniser.of(chronicles, names, max_age_ms=MAX_AGE_MS)
         self._events = ChangeEvents(self._recogniser)
-        attributes = {each.rpartition(".")[2] for each, _ in self._recogniser.attributes}
-        self._wanted = [(at, field) for at, field in enumerate(_FIELDS) if field in attributes]
-        self._waiting: list[tuple[int, int, Pair, tuple[bool, ...]]] = []
+        self._names, self._chronicles = frozenset(names), chronicles
+        attributes = {each for each, _ in self._recogniser.attributes}
+        self._wanted = [
+            (_FIELDS.index(field), each) for each in sorted(attributes) if (field := each.rpartition(".")[2]) in _FIELDS
+        ]
+        self._count = 0
+        self._waiting: list[tuple[int, int, int, Pair, tuple[bool | None, ...]]] = []
         self._own_us: dict[Pair, int] = {}
 
     def take(self, relations: Iterable[PairRelation]) -> None:
         """Take what this member sees itself."""
         for each in relations:
             self._own_us[each.pair] = max(each.valid_us, self._own_us.get(each.pair, 0))
-            heappush(self._waiting, (each.valid_us, 0, each.pair, each.record))
+            self._wait(each, 0)
 
     def take_from(self, relation: PairRelation, now_us: int) -> bool:
         """Take what another member reports, which counts where this one does not see the pair; False: it is of another time, or too much."""
         is_timely = now_us - LATE_US <= relation.valid_us <= now_us + EARLY_US
         if is_timely and len(self._waiting) < MOST_WAITING:
-            heappush(self._waiting, (relation.valid_us, 1, relation.pair, relation.record))
+            self._wait(relation, 1)
             return True
         return False
+
+    def _wait(self, relation: PairRelation, other: int) -> None:
+        self._count += 1
+        heappush(self._waiting, (relation.valid_us, other, self._count, relation.pair, relation.record))
 
     def on_time(self, now_us: int) -> list[ChronicleInstance]:
         """What is recognised of all that is valid `LATE_US` before."""
@@ -157,18 +202,17 @@ class SpanningManoeuvres:
         if len(self._own_us) > 2 * MOST_PAIRS:
             self._own_us = {pair: at_us for pair, at_us in self._own_us.items() if now_us - at_us <= 2 * LATE_US}
         while self._waiting and self._waiting[0][0] <= now_us - LATE_US:
-            valid_us, other, pair, record = heappop(self._waiting)
+            valid_us, other, _, pair, record = heappop(self._waiting)
             if other and valid_us <= self._own_us.get(pair, 0):
                 continue
             for at, name in self._wanted:
-                found += self._events.on_sample(Label(f"{ATTRIBUTE}.{name}", pair), valid_us, record[at])
-        return found
+                found += self._events.on_sample(Label(name, pair), valid_us, record[at])
+        return [each for each in found if each.chronicle in self._names]
 
-
-def subjects(instance: ChronicleInstance) -> Pair:
-    """The two objects of a manoeuvre."""
-    bindings: Mapping[str, str] = instance.bindings
-    return bindings["?car1"], bindings["?car2"]
+    def subjects(self, instance: ChronicleInstance) -> tuple[str, ...]:
+        """The arguments of a manoeuvre, in the order of its chronicle."""
+        parameters = self._chronicles.chronicles[instance.chronicle].parameters
+        return tuple(instance.bindings.get(str(each), "?") for each in parameters)
 
 
 def _moved(state: ObjectState, at_us: int) -> ObjectState:

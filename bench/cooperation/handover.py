@@ -17,7 +17,6 @@ from anchoring.cooperation.manoeuvres import (
     PairRelations,
     SpanningManoeuvres,
     as_relation,
-    subjects,
 )
 from anchoring.cooperation.picture import HOLD_US, GlobalPicture
 from anchoring.cooperation.sharing import LEVELS, SharingLevel
@@ -72,7 +71,7 @@ def places(run: Run, at_s: float) -> list[Place]:
 class Outcome(NamedTuple):
     """Pairs of names that were recognised, with the time in s; what the names of the cars were."""
 
-    recognised: list[tuple[tuple[str, str], float]]
+    recognised: list[tuple[tuple[str, ...], float]]
     names: Mapping[str, str | None]
 
 
@@ -115,7 +114,7 @@ def outcome(seed: int, level: SharingLevel) -> Outcome:
         if now_us - START_US < (run.level_s - 3.0) * 1e6:
             names |= _names(pictures["0"], cars, now_us)
     instances = spans.on_time(now_us + LATE_US)
-    return Outcome([(subjects(each), each.instants["past"] / 1000 - START_US / 1e6) for each in instances], names)
+    return Outcome([(spans.subjects(each), each.instants["past"] / 1000 - START_US / 1e6) for each in instances], names)
 
 
 def _names(picture: GlobalPicture, cars: list[Place], now_us: int) -> dict[str, str | None]:

@@ -1,7 +1,8 @@
 """The streams of chronicles: what is recognised, and what may yet be (thesis 8.4, 8.7.3).
 
 What is recognised of a chronicle `overtake` is the stream `chronicle[overtake]`, valid at the recognition; its values
-are the arguments of the chronicle, then what its variables and its instants (ms) are. `chronicle[overtake, car1, car2]`
+are the arguments of the chronicle, then what its variables and its instants (ms) are; it is predicted if one of its events
+is. `chronicle[overtake, car1, car2]`
 is what of that has these arguments.
 
 `partial[overtake]` is the stream of what may become an overtake. Its value is the list of these, each with what its
@@ -11,7 +12,20 @@ a sample when that changes.
 
 from typing import Final
 
-from dyknow import NO_VALUE, Inputs, Label, Network, Policy, Sample, Sort, UnitPrototype, Value
+from dyknow import (
+    NO_VALUE,
+    SURE,
+    Inputs,
+    Label,
+    Network,
+    Policy,
+    Predicted,
+    Quality,
+    Sample,
+    Sort,
+    UnitPrototype,
+    Value,
+)
 from dyknow.model.errors import ChronicleError, TextError
 from dyknow.model.instants import US_PER_MS, US_PER_S
 from dyknow.network.process import Input, Process
@@ -28,11 +42,11 @@ MAX_DELAY_US: Final = US_PER_S
 
 
 class ChronicleStreams:
-    """The chronicles of one file in a specification, with the streams of what is recognised."""
+    """The chronicles of one file in a specification, `content`, with the streams of what is recognised."""
 
     def __init__(self, network: Network, declaration: ChronicleDeclaration, content: chronicles.ChronicleFile) -> None:
         delay_us = declaration.policy.max_delay_us
-        self._network, self._content = network, content
+        self._network, self.content = network, content
         self._out = {name: network.add_source(Label(RECOGNISED, (name,)), SORT) for name in content.chronicles}
         self.watch = ChronicleWatch(
             network,
@@ -54,7 +68,7 @@ class ChronicleStreams:
     def cancel(self) -> None:
         """Recognise nothing from now on."""
         self.watch.cancel()
-        for name in self._content.chronicles:
+        for name in self.content.chronicles:
             self._network.remove(Label(PARTIAL, (name,)))
         for generator in self._out.values():
             self._network.remove(generator.label)
@@ -62,14 +76,15 @@ class ChronicleStreams:
     def _fault(self, label: Label, said: str) -> None:
         self._network.on_fault(label, said)
 
-    def _push(self, found: chronicles.ChronicleInstance, now_us: int) -> None:
-        parameters = self._content.chronicles[found.chronicle].parameters
+    def _push(self, found: chronicles.ChronicleInstance, prediction: Predicted | None, now_us: int) -> None:
+        parameters = self.content.chronicles[found.chronicle].parameters
         arguments = [
             found.bindings.get(str(one), NO_VALUE) if isinstance(one, chronicles.ChronicleVariable) else one
             for one in parameters
         ]
         value = tuple(arguments), tuple(found.bindings.items()), tuple(found.instants.items())
-        self._out[found.chronicle].push(found.recognised_ms * US_PER_MS, value, now_us)
+        quality = SURE if prediction is None else Quality(prediction=prediction)
+        self._out[found.chronicle].push(found.recognised_ms * US_PER_MS, value, now_us, quality)
 
 
 class Prediction(OnDemand):

@@ -2,7 +2,8 @@
 
 An attribute `link[car1]:(?, no_link)` is the stream labelled `link[car1]`, or the attribute of a stream of records: a
 sample with another value than the one before is an event, the first one a change from unknown (C2). A message
-`in_crossing[car1, x2]` is the stream with that label: each sample is one. Streams are taken as they come to be there.
+`in_crossing[car1, x2]` is the stream with that label: each sample is one. Streams are taken as they come to be there; one of
+records is taken once for all its attributes.
 
 Samples of several streams come in another order than they are valid. They wait for the declared `max delay`, one second
 by default, and are then passed on in the order of their valid times; what is later still is ignored and counted (C3).
@@ -17,10 +18,12 @@ from typing import Final, NamedTuple
 from dyknow import NO_VALUE, Label, Network, Policy, Sample, Sort, Value
 from dyknow.model.instants import US_PER_MS, US_PER_S
 from dyknow.model.members import members_of
+from dyknow.model.sample import Predicted
 from dyknow.network.mediation import Configuration
 from dyknow.network.process import FAR_US, Input
 from dyknow.network.stream_proxy import StreamProxy
 from dyknow.objects.object_streams import attribute_of, domain_of
+from kpl.running.predicted_events import PredictedEvents
 from kpl.syntax.specification import RECOGNISED
 from reasoning import chronicles
 from reasoning.chronicles.definition.compilation import Pattern
@@ -38,12 +41,17 @@ TRIED: Final = 5_000
 
 
 class QueuedSample(NamedTuple):
-    """A sample that waits for its turn; `number` keeps the order in which samples of one time came."""
+    """A sample that waits for its turn; `number` keeps the order in which samples of one time came.
+
+    `parts`: the attributes of a record that are taken, with their places in it.
+    """
 
     valid_us: int
     number: int
     label: Label
     value: Value
+    prediction: Predicted | None = None
+    parts: Sequence[tuple[int, Label]] = ()
 
 
 class ChronicleWatch:
@@ -51,7 +59,7 @@ class ChronicleWatch:
 
     Args:
         delay_us: how late samples may come.
-        on_recognised: called with every instance, and when (federation time).
+        on_recognised: called with every instance, the prediction on which it rests, if it does, and when (federation time).
         on_fault: called once for what is wrong with a stream or a chronicle.
         max_age_ms: instances last no longer; None: as their chronicles say.
         initially: the first values of streams have been so since ever (8.4); names: of these streams.
@@ -69,7 +77,7 @@ class ChronicleWatch:
         network: Network,
         content: chronicles.ChronicleFile,
         delay_us: int,
-        on_recognised: Callable[[chronicles.ChronicleInstance, int], None],
+        on_recognised: Callable[[chronicles.ChronicleInstance, Predicted | None, int], None],
         on_fault: Callable[[Label, str], None],
         limits: chronicles.RecognitionLimits | None = None,
         *,
@@ -79,12 +87,14 @@ class ChronicleWatch:
     ) -> None:
         compiled = [chronicles.compile_chronicle(each, content, max_age_ms) for each in content.chronicles.values()]
         self.recogniser = chronicles.Recogniser(compiled, limits)
+        self._predicted = PredictedEvents(compiled)
         self._events = chronicles.ChangeEvents(self.recogniser, initially=initially)
         self.proxies: dict[Label, StreamProxy] = {}
         self.network, self.delay_us = network, delay_us
         self.listeners: list[Callable[[int], None]] = []
         self._dropped = Counter[str]()
         self._look_us = self._ignored_said = 0
+        self._clock_ms: int | None = None
         self._on_recognised, self._on_fault, self._refusal = on_recognised, on_fault, refusal
         self._changes: dict[tuple[str, int], list[Pattern]] = {}
         self._messages: dict[tuple[str, int], list[Pattern]] = {}
@@ -98,6 +108,8 @@ class ChronicleWatch:
         self._told = set[tuple[Label, str]]()
         self._families: dict[Label, Configuration[str]] = {}
         self._taking: Label | None = None
+        self._parts: dict[Label, list[tuple[int, Label]]] = {}
+        self._records: dict[Label, Value] = {}
         self._unmeet = network.meet(self._on_label)
         network.step(self)
 
@@ -122,6 +134,7 @@ class ChronicleWatch:
     def on_time(self, now_us: int) -> None:
         """What waited long enough is passed on in its order, and the clock is moved."""
         clock_us = now_us - self.delay_us
+        self._clock_ms = clock_us // US_PER_MS
         while self._waiting and self._waiting[0].valid_us <= clock_us:
             self._tell(heappop(self._waiting), now_us)
         self._bring(self.recogniser.on_time(clock_us // US_PER_MS), now_us)
@@ -152,10 +165,18 @@ class ChronicleWatch:
     def _on_label(self, label: Label) -> None:
         """A stream is there: take what of it are events."""
         objects = len(label.objects)
-        for name, arity in (*self._changes, *self._messages):
-            if arity == objects and (name == label.feature or name.rpartition(".")[0] == label.feature):
-                self._take(Label(name, label.objects))
         sort = self.network.generator(label).sort
+        names = [field.name for field in sort.fields]
+        parts: list[tuple[int, Label]] = []
+        for name, arity in (*self._changes, *self._messages):
+            stem, _, attribute = name.rpartition(".")
+            if arity != objects or label.feature not in {name, stem}:
+                continue
+            if name != label.feature and attribute in names and (name, arity) not in self._messages:
+                parts.append((names.index(attribute), Label(name, label.objects)))
+            else:
+                self._take(Label(name, label.objects))
+        self._take_parts(label, parts)
         if sort.is_of_objects and not objects:
             for family in self._families.values():
                 family.renew()
@@ -181,13 +202,33 @@ class ChronicleWatch:
                 self._on_link(Label(name, (symbol,)), linked=False)
 
     def _take(self, label: Label) -> None:
-        key = (label.feature, len(label.objects))
-        patterns = (*self._changes.get(key, ()), *self._messages.get(key, ()))
-        if label in (*self.proxies, self._taking) or not any(_can_be(pattern, label) for pattern in patterns):
+        is_taken = label in self.proxies or label == self._taking or self._is_part(label)
+        if not is_taken and self._is_wanted(label):
+            self._connect(label)
+
+    def _take_parts(self, label: Label, parts: Sequence[tuple[int, Label]]) -> None:
+        """A stream of records, some attributes of which are events."""
+        if label in self.proxies or label == self._taking:
             return
+        wanted = [each for each in parts if each[1] not in self.proxies and self._is_wanted(each[1])]
+        if wanted:
+            self._parts[label] = wanted
+            self._connect(label)
+
+    def _is_part(self, label: Label) -> bool:
+        """Whether it is taken as an attribute of a stream of records."""
+        stem = Label(label.feature.rpartition(".")[0], label.objects)
+        return any(part == label for _, part in self._parts.get(stem, ()))
+
+    def _is_wanted(self, label: Label) -> bool:
+        key = (label.feature, len(label.objects))
+        if not any(_can_be(pattern, label) for pattern in (*self._changes.get(key, ()), *self._messages.get(key, ()))):
+            return False
         if why := self._refusal(label):
             self._once(label, why)
-            return
+        return not why
+
+    def _connect(self, label: Label) -> None:
         policy = Policy(max_delay_us=self.delay_us)
         consumer, on_link = partial(self._on_sample, label), partial(self._on_link, label)
         self._taking = label  # it may be made because it is asked for, which `_on_label` is told
@@ -197,7 +238,9 @@ class ChronicleWatch:
     def _on_link(self, label: Label, linked: bool) -> None:
         if not linked:
             proxy = self.proxies.pop(label, None)
-            self._events.forget(label)
+            for part in (label, *(part for _, part in self._parts.pop(label, ()))):
+                self._events.forget(part)
+            self._records.pop(label, None)
             if proxy is not None:
                 self._dropped += proxy.adapter.dropped
                 proxy.cancel()
@@ -206,21 +249,48 @@ class ChronicleWatch:
 
     def _on_sample(self, label: Label, sample: Sample) -> None:
         self._count += 1
-        heappush(self._waiting, QueuedSample(sample.valid_us, self._count, label, sample.value))
-        self.on_time(sample.available_us)
+        prediction, parts = sample.quality.prediction, self._parts.get(label, ())
+        queued = QueuedSample(sample.valid_us, self._count, label, sample.value, prediction, parts)
+        heappush(self._waiting, queued)
+        if (sample.available_us - self.delay_us) // US_PER_MS != self._clock_ms:
+            self.on_time(sample.available_us)
 
     def _tell(self, event: QueuedSample, now_us: int) -> None:
         label, key = event.label, (event.label.feature, len(event.label.objects))
+        if event.parts:
+            self._tell_parts(event, now_us)
+            return
         if key in self._messages and event.value is not NO_VALUE:
+            self._predicted.on_event(event.valid_us // US_PER_MS, *label, event.prediction)
             self._bring(self.recogniser.on_message(event.valid_us // US_PER_MS, *label), now_us)
         if key in self._changes:
-            if event.value is not NO_VALUE and symbol(event.value) is None:
-                self._once(label, f"{event.value!r} is no symbol: what a chronicle speaks of has discrete values")
-            self._bring(self._events.on_sample(label, event.valid_us, event.value), now_us)
+            self._tell_change(label, event.valid_us, event.value, event.prediction, now_us)
+
+    def _tell_parts(self, event: QueuedSample, now_us: int) -> None:
+        """The attributes of a record; where none has changed, time has passed."""
+        label, value, parts, clock_ms = event.label, event.value, event.parts, self.recogniser.clock_ms
+        is_same = value is NO_VALUE or value == self._records.get(label, NO_VALUE)
+        if value is not NO_VALUE and (clock_ms is None or event.valid_us // US_PER_MS >= clock_ms):
+            self._records[label] = value
+        for at, part in parts[:1] if is_same else parts:
+            one = NO_VALUE if value is NO_VALUE else value[at]
+            self._tell_change(part, event.valid_us, one, event.prediction, now_us)
+
+    def _tell_change(
+        self, label: Label, valid_us: int, value: Value, prediction: Predicted | None, now_us: int
+    ) -> None:
+        new, old = symbol(value), self._events.values.get(label)
+        if value is not NO_VALUE and new is None:
+            self._once(label, f"{value!r} is no symbol: what a chronicle speaks of has discrete values")
+        if new is not None and new != old:
+            self._predicted.on_event(valid_us // US_PER_MS, label.feature, (*label.objects, old, new), prediction)
+        self._bring(self._events.on_sample(label, valid_us, value), now_us)
 
     def _bring(self, found: list[chronicles.ChronicleInstance], now_us: int) -> None:
         for each in found:
-            self._on_recognised(each, now_us)
+            self._on_recognised(each, self._predicted.of(each), now_us)
+        if self.recogniser.is_complete:
+            return
         for name, reasons in self.recogniser.incomplete.items():
             for reason in reasons:
                 self._once(Label(RECOGNISED, (name,)), f"instances may be missing: {reason}")

@@ -246,10 +246,10 @@ class World:
         platform = self.platform(unit)
         return self.speak(unit, lambda _member, now_us: do(platform, now_us))
 
-    def specify(self, unit: str, text: str, file: str = "") -> None:
-        """Give its process a specification, in place of the one it has."""
+    def specify(self, unit: str, text: str, file: str = "", named: tuple[tuple[str, str], ...] = ()) -> None:
+        """Give its process a specification, in place of the one it has; `named`: the files that it names, path and text."""
         node = self.nodes[unit]
-        self._reach(node, Specify(node.clock.node_us(self.now_us), text, file))
+        self._reach(node, Specify(node.clock.node_us(self.now_us), text, file, named))
 
     def ask(
         self,

@@ -16,7 +16,7 @@ from collections.abc import Callable
 from pathlib import Path
 from typing import NamedTuple
 
-from compunits import cars, conversions, intersection, kalman, motion, relations, smoothing
+from compunits import cars, conversions, intersection, kalman, motion, near_pairs, pair_relations, relations, smoothing
 from dyknow import UnitPrototype, prototypes_in
 from tests.command import run
 
@@ -113,7 +113,7 @@ def output(command: str, place: Path) -> str:
 def library_table() -> str:
     """The units that come with dyknow, as a table."""
     rows = ["| unit | takes | what it gives |", "|---|---|---|"]
-    for module in (motion, smoothing, kalman, intersection, relations, cars):
+    for module in (motion, smoothing, kalman, intersection, relations, cars, near_pairs, pair_relations):
         for made in vars(module).values():
             if getattr(made, "__module__", "") != module.__name__:
                 continue

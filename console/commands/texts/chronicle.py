@@ -236,6 +236,7 @@ def _live(call: Call, file: Path, unit: str, seconds: float, delay_s: float | No
 
 def _tell_live(call: Call, unit: str, said: "Content") -> bool:
     """Print a note or an instance of a platform; whether it is an instance."""
+    from console.commands.members.query import prediction_text
     from federation.messages.contents import Expected, Reason, Recognised
     from reasoning.chronicles.recognition.changes import symbol
 
@@ -250,13 +251,16 @@ def _tell_live(call: Call, unit: str, said: "Content") -> bool:
     if isinstance(said, Expected):
         _tell_expected(call, unit, said, bindings, {name: _ms(at_us) for name, at_us in instants.items()}, words)
         return False
+    made = {} if said.made_us is None else {"made_us": said.made_us}
+    how = prediction_text({"valid_us": said.recognised_us, **made})
     call.out.say(
-        line(f"{clock_time(said.recognised_us)}  ", styled(said.chronicle, "bold"), f"  {' '.join(words)}"),
+        line(f"{clock_time(said.recognised_us)}  ", styled(said.chronicle, "bold"), f"  {' '.join(words)}{how}"),
         unit=unit_json(unit),
         chronicle=said.chronicle,
         bindings=bindings,
         instants={name: _ms(at_us) for name, at_us in instants.items()},
         recognised_ms=_ms(said.recognised_us),
+        **made,
     )
     return True
 

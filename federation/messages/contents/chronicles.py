@@ -33,12 +33,16 @@ class Recognise(Content):
 
 
 class Recognised(Content):
-    """An instance of a chronicle: symbols by variable, times (us) by instant, and the time at which it was certain."""
+    """An instance of a chronicle: symbols by variable, times (us) by instant, and the time at which it was certain.
+
+    `made_us`: when the oldest prediction was made on which one of its events rests.
+    """
 
     chronicle: Word
     bindings: Values = Field(default_factory=dict)
     instants: Values = Field(default_factory=dict)
     recognised_us: Instant
+    made_us: Instant | None = None
 
 
 class Expected(Content):

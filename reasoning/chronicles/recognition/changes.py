@@ -53,10 +53,10 @@ class ChangeEvents:
         """A sample of the stream `label`; what is recognised by it, or was due before it."""
         recogniser = self.recogniser
         at_ms = valid_us // US_PER_MS
-        if recogniser.clock_ms is not None and at_ms < recogniser.clock_ms:
-            return self._ignore("out of order")
         if value is NO_VALUE or value is None:
             return self._ignore("no value")
+        if recogniser.clock_ms is not None and at_ms < recogniser.clock_ms:
+            return self._ignore("out of order")
         new = symbol(value)
         if new is None:
             return self._ignore("no symbol")

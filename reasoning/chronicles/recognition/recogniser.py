@@ -295,6 +295,11 @@ class Recogniser:
         return tuple(sorted(found - self._by_name.keys()))
 
     @property
+    def is_complete(self) -> bool:
+        """Whether no limit has cut anything off."""
+        return not any(one.incomplete for one in self._matchers)
+
+    @property
     def incomplete(self) -> Mapping[str, Counter[str]]:
         """Chronicles whose limits have cut something off, with how often by reason; {} is: nothing is missing (C6)."""
         return {name: one.incomplete for name, one in self._by_name.items() if one.incomplete}

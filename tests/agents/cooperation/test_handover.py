@@ -8,6 +8,7 @@ from bench.cooperation.handover import places, spanning
 from federation.messages.acts import Performative
 from federation.messages.contents import ObjectEvents, Share
 from tests.agents.cooperation.federations import PERCEPTS, SPEC, Federation
+from tests.agents.specification.test_specification_part import Pair
 
 P = Performative
 
@@ -101,3 +102,58 @@ def test_what_is_shared_is_changed_while_it_runs_by_level_or_by_bandwidth():
     assert handover.levels == {"1": "states"}
     assert "offers" in federation.share(level="percepts").trouble
     assert "shares nothing" in federation.share(level="events", unit="7").trouble
+
+
+OWN = """domain Bool = {true, false}
+attribute car_relations.behind[?a, ?b] { ?value in Bool }
+attribute car_relations.in_front[?a, ?b] { ?value in Bool }
+attribute car_relations.close[?a, ?b] { ?value in Bool }
+attribute speed[?a]
+
+chronicle leaves_behind[?a, ?b] {
+    event(car_relations.behind[?a, ?b]:(true, false), t1)
+    event(car_relations.in_front[?a, ?b]:(?, true), t2)
+    event(car_relations.close[?a, ?b]:(true, false), t3)
+    t1 <= t2 < t3
+    t3 - t1 <= 1min
+}
+
+chronicle alone[?a] { event(speed[?a]:(?, fast), t) }
+"""
+
+
+class Declared(Overtake):
+    """Platform 0 declares a chronicle of its own, which begins in its area and ends in that of platform 1."""
+
+    def specify(self, unit, text):
+        named = ()
+        if unit == "0":
+            text, named = f'{text}chronicle file "own.chr" with max delay 400\n', (("own.chr", OWN),)
+        self.world.specify(unit, text, f"{unit}.kpl", named)
+        self.world.run_for(0.001)
+
+
+@pytest.mark.parametrize("level", ["events", "relations"])
+def test_any_chronicle_of_relations_that_a_platform_declares_is_handed_over(level):
+    federation = Declared(level=level)
+    federation.share(level=level)
+    federation.begins_s += 0.5
+    federation.drive(8, federation.seen)
+    names = federation.name("0", "co1"), federation.name("0", "co2")
+    federation.drive_all()
+    assert sorted(federation.recognised()) == [
+        f"leaves_behind[{names[0]}, {names[1]}]",
+        f"passes[{names[0]}, {names[1]}]",
+    ]
+    assert federation.notes("0") == [] or not any("own.chr" in each for each in federation.notes("0"))
+
+
+def test_what_a_platform_declares_no_longer_is_no_longer_handed_over():
+    federation = Declared(level="events")
+    federation.share(level="events")
+    Pair.specify(federation, "0", SPEC)
+    federation.begins_s += 0.5
+    federation.drive(8, federation.seen)
+    names = federation.name("0", "co1"), federation.name("0", "co2")
+    federation.drive_all()
+    assert federation.recognised() == [f"passes[{names[0]}, {names[1]}]"]

@@ -86,5 +86,10 @@ def test_an_event_of_another_is_the_relation_that_began() -> None:
     steps = [record.copy() for _ in range(3)]
     steps[1][2] = True
     found = events.news([PairRelation(at, ("a", "b"), tuple(map(bool, each))) for at, each in enumerate(steps)])
-    assert [(each.valid_us, each.kind) for each in found] == [(1, "comes-in-front")]
-    assert as_relation(found[0]).record[2]
+    assert [(each.valid_us, each.kind) for each in found] == [
+        (0, "turns-along"),
+        (0, "goes-away"),
+        (1, "comes-in-front"),
+    ]
+    assert as_relation(found[2]).record == (False, False, True, False, False, None, None)
+    assert as_relation(found[0]).record == (None,) * 5 + (False, None)

@@ -20,7 +20,7 @@ def test_a_conversation_is_opened_by_the_one_that_it_is_called_after(
     performative: Performative, conversation: str
 ) -> None:
     """Platform 3 in its life 2."""
-    talks = Conversations("0", 1, lambda act: encode_act(act), lambda _to, _receipt: b"")
+    talks = Conversations("0", 1, encode_act, lambda _to, _receipt: b"")
     act = Act(
         performative, AgentName("interface", "3"), AgentName("interface", "0"), Hold().expr(), conversation,
         boot=2, seq=1, reply_with="r1", created_us=NOW_US,

@@ -14,6 +14,7 @@ from bench.crossings.recognition import links, snapped, stable
 from bench.crossings.recognition import seen as seen_places
 from bench.overtakes.drives import LANE_M, oncoming_too_near, seen
 from bench.overtakes.recognition import LINK, relations
+from bench.traffic.situations import drawn, lines
 from compunits import NO_CROSSING, ROAD_RELATIONS
 
 EXAMPLES = Path(__file__).parents[3] / "examples" / "traffic"
@@ -90,6 +91,18 @@ def streets() -> Iterator[dict[str, Any]]:
                 yield {"t_ms": round(1000 * now_s), "tracker": [symbol, x_m, y_m]}
 
 
+def manoeuvres() -> Iterator[dict[str, Any]]:
+    """Samples for manoeuvres.kpl: a car cuts in in front of another one; later, elsewhere, a car turns back."""
+    cuts = next(seed for seed in count(1, 5) if any(each[0] == "cuts_in" for each in drawn(seed).happens))
+    turns = next(seed for seed in count(3, 5) if drawn(seed).happens)
+    begin_ms = 0
+    for seed, names in ((cuts, {"a": "a", "c": "b"}), (turns, {"a": "c"})):
+        for each in lines(drawn(seed), seed, 0.5):
+            name, *rest = each["seen"]
+            yield {"t_ms": begin_ms + each["t_ms"], "seen": [names[name], *rest]}
+        begin_ms += 40_000
+
+
 def crossing() -> Iterator[Change]:
     """What the map says of a crossing, and the areas of two cars that turn left in it; the second is not seen in it."""
     driven = next(
@@ -120,6 +133,7 @@ def written() -> dict[str, str]:
         "crossing.jsonl": events(crossing()),
         "streets.jsonl": streets(),
         "seen_cars.jsonl": seen_cars(),
+        "seen_lanes.jsonl": manoeuvres(),
         "vision_objects.jsonl": vision_objects(),
     }
     return {name: "".join(f"{json.dumps(line)}\n" for line in lines) for name, lines in made.items()}
