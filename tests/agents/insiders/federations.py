@@ -226,6 +226,7 @@ class HostileFederation:
         task = self.world.ask("cc", "0", contents.MonitorProximity(avoidance=False))
         self.world.run_for(0.5)
         self.drawing.conversations.append(task.conversation)
+        self.task = task.conversation
 
     # -- what is said ------------------------------------------------------------------------------------------
 
@@ -385,6 +386,20 @@ class HostileFederation:
                 self.orders.append(given)
                 assert self._is_due(given), f"{given} after\n" + "\n".join(self.log)
             vehicle.orders.clear()
+        assert self._stands("0"), "what the command centre delegated has ended at its delegate, after\n" + "\n".join(
+            self.log
+        )
+
+    def _stands(self, unit: str) -> bool:
+        """Whether a platform takes part in what the command centre delegated, or that may have ended it."""
+        led = self.world.platform(unit).ports.tasks.coordinated.get(self.task)
+        return "cc" in self._speakers or (led is not None and led.leader == "0" and bool(led.plans))
+
+    def check_standing(self) -> None:
+        """After a while without hostile acts both honest platforms take part in it."""
+        self.world.run_for(15.0)
+        for unit in HONEST:
+            assert self._stands(unit), f"{unit} takes no part in what the command centre delegated"
 
     def _is_due(self, given: OrderGiven) -> bool:
         """Whether a command centre may be behind it, or vehicles are near each other."""

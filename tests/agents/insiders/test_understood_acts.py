@@ -51,6 +51,7 @@ def test_no_act_ends_a_platform_moves_a_vehicle_or_stays_for_good(
     assert more <= MORE_BYTES, f"{more / 2**20:.0f} MB more than after the first tenth"
     assert federation.answered > acts // 2, "most of it was heard"
     assert all(federation.world.nodes[unit].process is not None for unit in HONEST)
+    federation.check_standing()
     if name == "hover" or acts == MANY:  # what else they do in that time costs too much
         federation.world.kill("2")
         federation.world.run_for(LINGER_US / 1e6 + 10.0)
