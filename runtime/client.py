@@ -231,6 +231,10 @@ class Client:
         """Accept or reject what was proposed in a call of ours."""
         self._perform(self.centre.decide(dialogue, performative, content, self.now_us()))
 
+    def over(self, task: str) -> None:
+        """Have each platform know that a task has ended."""
+        self._perform(self.centre.over(task, self.now_us()))
+
     def cancel(self, unit: str, conversation: str, *, within_s: float = 2.0) -> Dialogue:
         """End a task; the answer comes in the dialogue."""
         dialogue, effects = self.centre.cancel(unit, conversation, self.now_us(), within_us=round(within_s * 1e6))

@@ -16,7 +16,7 @@ from federation.members.liveness import PeerState
 from federation.members.member import Member
 from federation.messages.acts import Act, Performative
 from federation.messages.codec import StreamSample
-from federation.messages.contents import Content, EndStream, Progress, Reason, Stream, read
+from federation.messages.contents import Content, EndStream, Progress, Reason, Stream, TaskOver, read
 from federation.messages.dialogue import Dialogue
 from federation.messages.protocols import OPENING
 from federation.security.trust import Trust
@@ -171,6 +171,15 @@ class CommandCentre:
             within_us=within_us,
         )
         return dialogue, self._done()
+
+    def over(self, task: str, now_us: int) -> list[WireEffect]:
+        """A task has ended: each platform knows it, so that its delegate begins it nowhere again. An observer may not say so."""
+        trust = self.member.trust
+        member = None if trust is None else trust.roster.member(self.unit)
+        if trust is None or (member is not None and member.role == "command-centre"):
+            for platform in self.platforms():
+                self.member.acts.tell(platform.unit, TaskOver(task=task), now_us)
+        return self._done()
 
     def begin(self, call: Steppable, now_us: int) -> list[WireEffect]:
         """Step a call of ours from now on, until it is over."""

@@ -385,6 +385,7 @@ def cancel(client: Client, unit: str, conversation: str) -> Job[None]:
     yield Wait(lambda: end.over, SET_UP_S + GRACE_S)
     if end.trouble is not None or not end.said:
         raise failure_of(end, "no answer in time")
+    client.over(conversation)
 
 
 def failure_of(dialogue: Dialogue, otherwise: str) -> DyknowError:

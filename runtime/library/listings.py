@@ -59,6 +59,7 @@ def cancel(client: Client, conversation: str) -> Job[None]:
     failed = [end for end in ends if end.trouble is not None or not end.said]
     if len(failed) == len(ends):
         raise jobs.failure_of(failed[0], "no answer in time")
+    client.over(ends[0].conversation)
 
 
 def objects(client: Client, unit: str | None, type_: str | None) -> Job[list[ListedObject]]:

@@ -243,6 +243,7 @@ def cancel(
                 _tell(call, end, act, said)
         if all(end.trouble or not end.said for end in ends):
             raise FederationFailed(f"platform {ends[0].unit}: {ends[0].trouble or 'no answer in time'}")
+        client.over(ends[0].conversation)
     return DONE
 
 
