@@ -120,10 +120,14 @@ class Spacing:
         before = seen_log_m if self._log_m is None else self._log_m
         self._log_m, self._latest_us = before + share * (seen_log_m - before), valid_us
 
+    @property
+    def apart_m(self) -> float:
+        """The usual distance to the next thing."""
+        return LONELY_M if self._log_m is None else exp(self._log_m)
+
     def density(self, expected: ObjectState) -> float:
         """Of others that could come into view there, per square metre."""
-        apart_m = LONELY_M if self._log_m is None else exp(self._log_m)
-        return STRANGERS / (2.0 * max(apart_m, size_of(expected))) ** 2
+        return STRANGERS / (2.0 * max(self.apart_m, size_of(expected))) ** 2
 
     def reach_m(self, seen: ObjectState, expected: ObjectState, most_m: float) -> float:
         """How far apart they may be, in the direction in which they are, to be the same."""

@@ -68,16 +68,17 @@ def is_geographic(sort: Sort) -> bool:
 
 
 class PerceptRecords:
-    """Reads the records of one stream.
+    """Reads the records of one stream. Where they have metres and degrees, degrees count: whose metres these are nothing says.
 
     Args:
-        frame: about which positions in degrees are taken.
+        frame: about which positions in degrees are taken; None: metres count.
     """
 
     def __init__(self, type_: str, sort: Sort, frame: LocalFrame | None) -> None:
         self._type, self._frame = type_, frame
         self._names = tuple(each.name for each in sort.fields)
         self._is_geographic = is_geographic(sort)
+        self._has_both = not self._is_geographic and {*self._names}.issuperset(GEOGRAPHIC)
 
     def percept(self, sample: Sample) -> Percept | None:
         """None: it has no value, or no place that can be."""
@@ -101,14 +102,19 @@ class PerceptRecords:
 
     def _place(self, record: dict[str, Value]) -> tuple[float, float] | None:
         """East and north."""
+        if self._has_both and self._frame is not None and not any(is_missing(record[name]) for name in GEOGRAPHIC):
+            return self._on_earth(*(float(record[name]) for name in GEOGRAPHIC))
         one, other = (record[name] for name in (GEOGRAPHIC if self._is_geographic else LOCAL))
         if is_missing(one) or is_missing(other):
             return None
         if not self._is_geographic:
             return (float(one), float(other)) if max(abs(one), abs(other)) <= FARTHEST_M else None
-        if self._frame is None or not (abs(one) <= 90.0 and abs(other) <= 180.0):
+        return self._on_earth(float(one), float(other))
+
+    def _on_earth(self, latitude_deg: float, longitude_deg: float) -> tuple[float, float] | None:
+        if self._frame is None or not (abs(latitude_deg) <= 90.0 and abs(longitude_deg) <= 180.0):
             return None
-        north_m, east_m, _ = self._frame.to_ned(one, other, 0.0)
+        north_m, east_m, _ = self._frame.to_ned(latitude_deg, longitude_deg, 0.0)
         return (east_m, north_m) if max(abs(north_m), abs(east_m)) <= FARTHEST_GEOGRAPHIC_M else None
 
 

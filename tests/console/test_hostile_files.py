@@ -109,6 +109,7 @@ CALLS: dict[tuple[str, str], tuple[str, list[str]]] = {
     ("join", "replay bin"): (".bin", ["join", "--unit", "7", "--replay", FILE]),
     ("join", "replay ulg"): (".ulg", ["join", "--unit", "7", "--replay", FILE]),
     ("roads check", "file osm"): (".osm", ["roads", "check", FILE]),
+    ("link", "percepts mot"): (".txt", ["link", LINK, "--roads", ROADS, "--percepts", FILE, "--fps", "25", "--m-per-pixel", "0.1"]),
     ("kpl verify", "journal of a run"): (".jsonl", ["kpl", "verify", SPEC, "--journal", FILE]),
     ("kpl load", "text"): (".kpl", ["kpl", "load", FILE, "--unit", "7"]),
     ("delegate", "area"): (".geojson", ["delegate", "divide-area", "--to", "7", f"area={FILE}"]),

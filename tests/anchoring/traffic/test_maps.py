@@ -6,6 +6,7 @@ import shutil
 from collections.abc import Callable
 from pathlib import Path
 
+import numpy as np
 import pytest
 
 from anchoring.roads.files.formats import GEOJSON, OPENSTREETMAP, SUMO, format_of, read_roads
@@ -39,11 +40,13 @@ def turns_alone(roads: RoadNetwork, *, in_degrees: bool) -> str:
     return begun + "".join(f"stream {stream} = chronicle[{chronicle}]\n" for stream, chronicle in found)
 
 
-def recognised(folder: Path, text: str, seen: list[tuple[int, str, Point]]) -> set[Turn]:
+def recognised(
+    folder: Path, text: str, seen: list[tuple[int, str, Point]], place: Callable[[Point], Point] | None = None
+) -> set[Turn]:
     """The turns, with the names of the town for roads and crossings; on OpenStreetMap cars are seen in degrees."""
     roads = read_roads(text)
     in_degrees = format_of(text) == OPENSTREETMAP
-    place = placing(text, roads)
+    place = place or placing(text, roads)
     (folder / "map").write_text(text, "utf-8")
     (folder / "map.py").write_text(UNITS, "utf-8")
     (folder / "turns.kpl").write_text(turns_alone(roads, in_degrees=in_degrees), "utf-8")
@@ -104,6 +107,23 @@ def test_turns_are_the_same_on_geojson_openstreetmap_and_sumo(seed: int, tmp_pat
         folder.mkdir()
         found[name] = recognised(folder, text, seen) - (at_the_end - truth)
     assert found == dict.fromkeys(maps, truth)
+
+
+def test_turns_are_right_on_a_network_as_netconvert_writes_it_of_openstreetmap(tmp_path: Path) -> None:
+    """`netconvert --osm-files` of SUMO 1.28 made town0.net.xml of the streets of seed 0: ids as `-4712#1`, a projection of its own."""
+    town = Town(0)
+    text = (Path(__file__).parent / "town0.net.xml").read_text("utf-8")
+    roads = read_roads(text)
+    assert any(link.startswith("-") and "#" in link for link in roads.links)
+    ours = np.array([[*at, 1.0] for at in town.crossings.values()])
+    theirs = np.array([roads.crossings[str(n)][1:3] for n in town.crossings])
+    turned = np.linalg.lstsq(ours, theirs, rcond=None)[0]
+    assert np.abs(ours @ turned - theirs).max() < 0.02
+    seen, made, last = town.drives(CARS, SECONDS)
+    truth, at_the_end = {by_ends(turn) for turn in made}, {by_ends(turn) for turn in last}
+    found = recognised(tmp_path, text, seen, lambda at: tuple((np.array([*at, 1.0]) @ turned).tolist()))
+    assert len(truth) >= 2 * CARS
+    assert found - (at_the_end - truth) == truth
 
 
 @pytest.mark.parametrize("seed", range(10))
