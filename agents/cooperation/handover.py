@@ -28,7 +28,6 @@ from agents.cooperation.track_records import (
 from agents.exchange.export_proxy import ExportProxy
 from agents.interface import InterfaceAgent
 from agents.part import Part, PeerChange
-from agents.specification.specification_part import SpecificationPart
 from agents.tasks.requests import SHARE
 from anchoring.cooperation.manoeuvres import (
     PairEvents,
@@ -50,7 +49,7 @@ from federation.messages.acts import Act
 from federation.messages.contents import Share
 from federation.messages.descriptions import LabelEntry
 from federation.sharing.translation import Translation
-from kpl import parse_chronicles
+from kpl import Instance, parse_chronicles
 from reasoning.chronicles import ChronicleFile, ChronicleInstance
 
 PERCEPTS: Final = "vision-percepts"
@@ -93,7 +92,7 @@ class Handover(Part):
         directory: DirectoryFacilitator,
         exporter: ExportProxy,
         cooperation: Cooperation,
-        specification: SpecificationPart,
+        instance: Instance,
         now_us: Callable[[], int],
         note: Callable[[str], None],
     ) -> None:
@@ -114,7 +113,7 @@ class Handover(Part):
         self._relations, self._events = PairRelations(), PairEvents()
         text = files("agents.cooperation").joinpath("spanning.chr").read_text(encoding="utf-8")
         self._overtakes = parse_chronicles(text)
-        self._instance = specification.instance
+        self._instance = instance
         self._spans: dict[ChronicleFile, SpanningManoeuvres] = {}
         self._due_us = self._decide_us = 0
         cooperation.takers |= {

@@ -17,7 +17,7 @@ _Event: TypeAlias = tuple[str, tuple[str | None, ...]]
 
 
 class PredictedEvents:
-    """Remembers events that rest on predictions, and finds those of an instance.
+    """Remembers predicted events, and finds those of an instance.
 
     An event that fixes an instant is found by its time; of one that is only counted the latest is taken.
     """
