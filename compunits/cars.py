@@ -25,6 +25,9 @@ from dyknow.model.members import MAX_MEMBERS, members_of
 
 NO_LINK: Final = "no_link"
 NO_CROSSING: Final = "no_crossing"
+_LEAST_PLACES: Final = 8
+_SIGNIFICANT: Final = 8.0
+"""How many times its standard error a trend must be: positions are compared at many times, and their errors may be alike."""
 
 _PLACE: Final = (Field("symbol", "text"), Field("x_m", "m"), Field("y_m", "m"))
 _AREAS: Final = (Field("link", "text"), Field("crossing", "text"))
@@ -68,13 +71,38 @@ class SeenTogether:
         return value if is_shown else None
 
 
+class _Trend:
+    """Whether places on a line go one way or the other, by least squares; None while errors may look so.
+
+    Args:
+        least_m: how far they must have gone.
+    """
+
+    def __init__(self, least_m: float) -> None:
+        self._least_m, self._first_s = least_m, 0.0
+        self._n = self._t = self._s = self._tt = self._ts = self._ss = 0.0
+
+    def sign(self, at_s: float, along_m: float) -> bool | None:
+        """After one more place."""
+        if not self._n:
+            self._first_s = at_s
+        t, n = at_s - self._first_s, self._n + 1.0
+        self._n, self._t, self._s = n, self._t + t, self._s + along_m
+        self._tt, self._ts, self._ss = self._tt + t * t, self._ts + t * along_m, self._ss + along_m * along_m
+        tt, ts = self._tt - self._t**2 / n, self._ts - self._t * self._s / n
+        if n < _LEAST_PLACES or tt <= 0.0 or abs(ts / tt) * t < self._least_m:
+            return None
+        error = max(0.0, self._ss - self._s**2 / n - ts * ts / tt) / (n - 2.0) / tt
+        return ts > 0.0 if (ts / tt) ** 2 > _SIGNIFICANT**2 * error else None
+
+
 @computational_unit(CAR, SEEN_CAR)
 class CarOnRoad:
     """The car drives along its road segment or against it, as its motion says (thesis 8.7.5).
 
     "The current direction of the car as estimated by the derivative of the position" is compared with that of the segment
-    whenever the car has moved by `metres`; before that there is no output. What stands or wavers keeps its direction, also
-    onto a segment that is drawn the other way round.
+    whenever the car has moved by `metres`, the first time as soon as a quarter of that cannot be an error of the positions; before
+    there is no output. What stands or wavers keeps its direction, also onto a segment that is drawn the other way round.
 
     Args:
         metres: the larger, the less an error of the positions can turn the car round, and the later it is known.
@@ -86,6 +114,7 @@ class CarOnRoad:
         self._latest_us = 0
         self._is_along: bool | None = None
         self._road_deg, self._link = 0.0, ""
+        self._trend = _Trend(self._least_m / 4)
 
     def __call__(self, _now_us: int, sample: Sample) -> Value:
         value = sample.value
@@ -98,14 +127,18 @@ class CarOnRoad:
         elif sample.valid_us <= self._latest_us:
             return None
         self._latest_us = sample.valid_us
-        if self._is_along is not None and math.cos(math.radians(road_deg - self._road_deg)) < 0.0:
-            self._is_along = not self._is_along if value[4] == self._link else self._onto(not self._is_along)
+        if math.cos(math.radians(road_deg - self._road_deg)) < 0.0:
+            self._trend = _Trend(self._least_m / 4)
+            if self._is_along is not None:
+                self._is_along = not self._is_along if value[4] == self._link else self._onto(not self._is_along)
         self._road_deg, self._link = road_deg, value[4]
-        east_m, north_m = x_m - self._from[0], y_m - self._from[1]
+        east_m, north_m, road = x_m - self._from[0], y_m - self._from[1], math.radians(road_deg)
+        along_m = east_m * math.sin(road) + north_m * math.cos(road)
         if math.hypot(east_m, north_m) >= self._least_m:
-            road = math.radians(road_deg)
-            self._is_along = east_m * math.sin(road) + north_m * math.cos(road) >= 0.0
+            self._is_along = along_m >= 0.0
             self._from = x_m, y_m
+        elif self._is_along is None:
+            self._is_along = self._trend.sign(sample.valid_us / US_PER_S, along_m)
         is_along = self._assumed(road_deg) if self._is_along is None else self._is_along
         if is_along is None:
             return None

@@ -12,6 +12,8 @@ from dyknow import US_PER_S, Sample, Value, computational_unit
 
 _KEPT: Final = 1.2
 """What was a pair is one until it is that much farther apart: what comes and goes begins from nothing each time."""
+_APART_US: Final = 2 * US_PER_S
+"""It is a pair for so long while it is farther apart: of a car that was hidden it can still be seen what it has passed."""
 _UNSEEN_US: Final = 5 * US_PER_S
 _PLACED: Final = 3
 
@@ -24,7 +26,7 @@ class NearPairs:
     last sample, one whose last field is true, as `end` is, or until it was not seen for 5 s.
 
     Args:
-        metres: 100; it is a pair until 1.2 times as far apart.
+        metres: 100; it is a pair until it has been 1.2 times as far apart for 2 s.
     """
 
     def __init__(self, metres: float = 100.0) -> None:
@@ -32,6 +34,7 @@ class NearPairs:
         self._places: dict[str, tuple[float, float]] = {}
         self._seen_us: dict[str, int] = {}
         self._near: dict[str, set[str]] = {}
+        self._apart_us: dict[frozenset[str], int] = {}
 
     def __call__(self, _now_us: int, sample: Sample) -> Value:
         value = sample.value
@@ -59,6 +62,7 @@ class NearPairs:
         self._places.pop(name, None)
         self._seen_us.pop(name, None)
         others = self._near.pop(name, ())
+        self._apart_us = {pair: since_us for pair, since_us in self._apart_us.items() if name not in pair}
         for other in others:
             self._near[other].discard(name)
         return bool(others)
@@ -72,7 +76,14 @@ class NearPairs:
         for other, (other_x_m, other_y_m) in self._places.items():
             apart_m, is_pair = hypot(other_x_m - x_m, other_y_m - y_m), other in near
             if other == name or (apart_m <= self._within_m * (_KEPT if is_pair else 1.0)) == is_pair:
+                if is_pair and self._apart_us:
+                    self._apart_us.pop(frozenset((name, other)), None)
                 continue
+            if is_pair:
+                pair = frozenset((name, other))
+                if now_us - self._apart_us.setdefault(pair, now_us) < _APART_US:
+                    continue
+                del self._apart_us[pair]
             has_changed = True
             for ours, theirs in ((near, other), (self._near[other], name)):
                 (ours.discard if is_pair else ours.add)(theirs)

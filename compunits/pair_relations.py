@@ -22,7 +22,7 @@ FOLLOWING: Final = Sort(
 
 
 class StablePair(ABC):
-    """What holds of two cars at one time, from offsets of the last while, once it is stable.
+    """Relations of two cars at one time, from offsets of the last while, once it is stable.
 
     Where one is seen at other times than the other, its place is on the line between those where it was seen.
     """
@@ -43,7 +43,7 @@ class StablePair(ABC):
         """What is so now, by the offsets."""
 
     def _restart(self) -> None:
-        """Nothing is known from now on."""
+        """Nothing is known."""
         self._stable.restart()
 
     def _mean(self, at: int) -> float:
@@ -60,7 +60,7 @@ class StablePair(ABC):
 
     @property
     def due_us(self) -> int | None:
-        """When nothing is known from then on, if none of them is seen."""
+        """When the relations end, if neither of them is seen."""
         return self._ends_us
 
     def on_time(self, now_us: int) -> Value:
@@ -121,8 +121,8 @@ class StableRelations(StablePair):
 
     Args:
         metres: how near is `close`.
-        smooth_s: offsets are means over that time, in seconds.
-        stable_s: what has lasted for that time, in seconds, counts.
+        smooth_s: offsets are the mean over this time.
+        stable_s: a relation counts once it has lasted for this time.
         unseen_s: the longest gap in what is seen of a car.
     """
 

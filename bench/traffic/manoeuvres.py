@@ -15,13 +15,14 @@ UNSEEN_MS: Final = 1000
 class Pass(NamedTuple):
     """The first car was behind the second until `out_ms`, and is in front from `past_ms` on.
 
-    `is_clear`: both were seen for 1.5 s while it was behind, and again while it was in front.
+    `is_clear`: both were seen for 1.5 s while it was behind, and again while it was in front, from then on it can be known.
     """
 
     pair: tuple[str, str]
     out_ms: int
     past_ms: int
     is_clear: bool
+    known_ms: int
 
 
 class Score(NamedTuple):
@@ -74,16 +75,18 @@ def _passes_of(pair: tuple[str, str], minute: Minute, both: Sequence[int]) -> li
         if sector == "beside":
             continue
         if not runs or runs[-1][0] != sector:
-            runs.append([sector, minute.at_ms[i], minute.at_ms[i], 0, 0])
+            runs.append([sector, minute.at_ms[i], minute.at_ms[i], 0, 0, None])
         run = runs[-1]
         run[2] = minute.at_ms[i]
         run[3] = run[3] + 100 if one.is_seen and other.is_seen else max(0, run[3] - 100)
         run[4] = max(run[4], run[3])
+        if run[5] is None and run[3] >= CLEAR_MS:
+            run[5] = minute.at_ms[i]
     found = []
     for before, after in pairwise(runs):
         if before[0] == "behind":
             is_clear = min(before[4], after[4]) >= CLEAR_MS and after[1] - before[2] <= LONGEST_MS
-            found.append(Pass(pair, before[2], after[1], is_clear))
+            found.append(Pass(pair, before[2], after[1], is_clear, after[1] if after[5] is None else after[5]))
     return found
 
 
@@ -112,7 +115,7 @@ def judged(
 
 
 def _fits(one: Pass, at_ms: int) -> bool:
-    return one.out_ms - SLACK_MS <= at_ms <= one.past_ms + SLACK_MS
+    return one.out_ms - SLACK_MS <= at_ms <= one.known_ms + SLACK_MS
 
 
 def _was_seen(minute: Minute, name: str, at_ms: int) -> bool:

@@ -14,6 +14,8 @@ GONE_S: Final = (1.0, 3.0)
 LEAST_S: Final = 1.5
 MOST_UNSEEN: Final = 5
 SLACK_MS: Final = 4000
+LATE_MS: Final = 10_000
+"""A slow car needs so long for the 15 m between the end of its curve and the border of the crossing on the map."""
 MISSED: Final = 0.03
 
 
@@ -116,7 +118,7 @@ def judged(
                 each
                 for each in left
                 if tuple(names[one] for one in each.way) == way
-                and each.enters_ms - SLACK_MS <= at_ms <= each.leaves_ms + SLACK_MS
+                and each.enters_ms - SLACK_MS <= at_ms <= each.leaves_ms + LATE_MS
             ),
             None,
         )

@@ -59,7 +59,7 @@ class ChronicleWatch:
 
     Args:
         delay_us: how late samples may come.
-        on_recognised: called with every instance, its prediction, if it has one, and when (federation time).
+        on_recognised: called with every instance, the prediction that it uses, if any, and when (federation time).
         on_fault: called once for what is wrong with a stream or a chronicle.
         max_age_ms: instances last no longer; None: as their chronicles say.
         initially: the first values of streams have been so since ever (8.4); names: of these streams.
@@ -207,7 +207,7 @@ class ChronicleWatch:
             self._connect(label)
 
     def _take_parts(self, label: Label, parts: Sequence[tuple[int, Label]]) -> None:
-        """A stream of records with attributes that are events."""
+        """A stream of records whose attributes are events."""
         if label in self.proxies or label == self._taking:
             return
         wanted = [each for each in parts if each[1] not in self.proxies and self._is_wanted(each[1])]

@@ -2,6 +2,7 @@
 
 import math
 
+import numpy as np
 import pytest
 from hypothesis import assume, given
 from hypothesis import strategies as st
@@ -32,7 +33,8 @@ def test_8_7_5_a_car_drives_along_its_road_segment_or_against_it(road_deg, is_al
     seen = [(at, ("c", *place(road_deg, way * at * speed_m_s), road_deg, *AREAS)) for at in range(41)]
     made = outputs("CarOnRoad", stream(*seen))
     first = next(at for at, each in enumerate(made) if each is not None)
-    assert (first - 1) * speed_m_s - 1e-6 <= 20.0 <= first * speed_m_s + 1e-6
+    assert first * speed_m_s >= 5.0 - 1e-6
+    assert (first - 1) * speed_m_s - 1e-6 <= 20.0
     for sample in made[first:]:
         assert abs(turn_deg(sample.value[3], road_deg if is_along else road_deg + 180)) < 1e-6
     assert CAR.check(made[-1].value) is None
@@ -47,6 +49,18 @@ def test_an_error_of_five_metres_turns_no_car_round_but_one_whose_motion_is_its_
     }
     assert turned["CarOnRoad"] == 0
     assert turned["CarByStep"] > 20
+
+
+@pytest.mark.parametrize("seed", range(30))
+def test_a_slow_car_has_a_direction_before_it_has_moved_by_twenty_metres_and_one_that_stands_has_none(seed) -> None:
+    rng = np.random.default_rng(seed)
+    for speed_m_s in (0.0, -2.0, 2.0):
+        seen = [
+            (at / 10, ("c", speed_m_s * at / 10 + rng.normal(0.0, 1.0), rng.normal(0.0, 1.0), 90.0, *AREAS))
+            for at in range(80)
+        ]
+        known = {each[3] for each in values(outputs("CarOnRoad", stream(*seen))) if each is not None}
+        assert known == ({90.0 if speed_m_s > 0 else 270.0} if speed_m_s else set())
 
 
 def test_what_stands_keeps_its_direction_and_what_comes_late_gives_nothing() -> None:
