@@ -23,7 +23,7 @@ _GATE: Final = 20.0
 _SPEED_SD_M_S: Final = 6.0
 """On each axis, of a thing that was detected once and names no kind, before any is known."""
 _SLOWEST_SD_M_S, _FASTEST_SD_M_S, _FOLLOWED, _ENOUGH = 1.0, 15.0, 5, 5
-"""As fast as others are, where so many detections of that many things show it."""
+"""Bounds of what the speeds of others teach; detections of a thing, and things, from which it is learnt."""
 _STRANGERS: Final = 0.003
 """New things that come into view in one image, as a share of those that are there."""
 _SPEEDS_SD_M_S: Final = {WALKER: 1.5, BIKE: 4.0, CAR: 10.0}
