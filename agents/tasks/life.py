@@ -93,6 +93,7 @@ class TaskLife(Part):
         self._due: Deadlines[str] = Deadlines()
         self._until_us: dict[str, int] = {}
         authority.on_over.append(self._on_over)
+        authority.held.append(lambda: [led.evidence for led in self.coordinated.values()])
 
     # -- requested, running ------------------------------------------------------------------------------------
 
