@@ -181,8 +181,10 @@ class DirectoryAgent(Part):
         return None
 
     def on_link_closed(self, event: LinkClosed, _now_us: int) -> Followed:
-        """A certificate came that the roster does not admit."""
-        self._note(f"a link was closed: the roster does not admit the certificate of {event.name[:64]}")
+        """A certificate came that the roster does not admit, or one too often."""
+        name = event.name[:64]
+        refused = f"a link was closed: the roster does not admit the certificate of {name}"
+        self._note(f"links were closed: {name} has too many, the oldest ends" if event.surplus else refused)
         return None
 
     def on_certificate_ends(self, event: CertificateEnds, now_us: int) -> Followed:

@@ -170,9 +170,9 @@ class Roster:
         return next((member for member in self.members.values() if member.key == key), None)
 
     @property
-    def admitted(self) -> frozenset[str]:
-        """The common names of the certificates with which others may be linked."""
-        return frozenset(member.common_name for member in self.members.values() if not member.revoked)
+    def admitted(self) -> Mapping[str, RosterMember]:
+        """By common name, whose certificates others may be linked with."""
+        return {member.common_name: member for member in self.members.values() if not member.revoked}
 
     def is_successor_of(self, older: "Roster") -> bool:
         """Whether this is the same roster, changed since."""
