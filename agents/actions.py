@@ -32,9 +32,11 @@ class Role(IntEnum):
     """What a member may ask for, where there is a roster; each may what those before may.
 
     An observer asks and subscribes what costs nothing, a delegate (another platform) sets up what lasts, a command
-    centre flies, injects faults, takes platforms out of the federation and restores specifications.
+    centre flies, injects faults, takes platforms out of the federation and restores specifications. A member that is
+    revoked may nothing.
     """
 
+    REVOKED = -1
     OBSERVER = 0
     DELEGATE = 1
     COMMAND_CENTRE = 2

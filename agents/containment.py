@@ -72,6 +72,7 @@ class Containment:
         failures: how often a place raised.
         senders: how often that was over what a member sent.
         impaired: what is shown, by place.
+        owner_of: the member behind a unit, which is refused under all its names.
         is_news: whether anything was caught; `Platform.settle` resets it.
     """
 
@@ -85,6 +86,7 @@ class Containment:
         is_on: bool = True,
     ) -> None:
         self.is_on, self._note, self._now_us, self._cause, self._may_silence = is_on, note, now_us, cause, may_silence
+        self.owner_of: Callable[[str], str] = str
         self.failures: Counter[str] = Counter()
         self.senders: Counter[str] = Counter()
         self.impaired: dict[str, Impairment] = {}
@@ -119,7 +121,7 @@ class Containment:
             self.senders[over] += 1
             _bound(self.senders)
             if by_act and found.over == over and self._may_silence(over):
-                self._blame(over, now_us)
+                self._blame(self.owner_of(over), now_us)
         return found
 
     def call(self, do: Callable[..., T], *given: Any, otherwise: T) -> T:
@@ -191,7 +193,7 @@ class Containment:
 
     def is_heard(self, sender: str) -> bool:
         """Whether acts of a member are let in."""
-        until_us = self._refused_us.get(sender)
+        until_us = self._refused_us.get(self.owner_of(sender)) if self._refused_us else None
         return until_us is None or self._now_us() >= until_us
 
     # -- what is shown -----------------------------------------------------------------------------------------

@@ -83,6 +83,7 @@ from federation.members.member import Member, MemberAgents
 from federation.members.offers import Service
 from federation.members.offsets import ClockOffsets
 from federation.messages.descriptions import ConditionEntry, LabelEntry
+from federation.security.shares import Share
 from federation.sharing.exports import Exports
 from federation.sharing.translation import Convert, Translation
 from federation.transport import Reopen, WireEffect
@@ -212,10 +213,17 @@ class Ports:
         return ActLimits(rate_per_s=self.config.acts_per_s, burst=self.config.acts_burst)
 
     def role_of(self, peer: str) -> Role:
-        """Without a roster everybody may command."""
+        """Without a roster everybody may command; with one, a unit that is no member, or no longer, may nothing."""
         trust = self.config.trust
-        member = None if trust is None else trust.roster.member(peer)
-        return Role.COMMAND_CENTRE if trust is None else Role.OBSERVER if member is None else ROLES[member.role]
+        if trust is None:
+            return Role.COMMAND_CENTRE
+        member = trust.roster.member(peer)
+        return Role.REVOKED if member is None or member.revoked else ROLES[member.role]
+
+    @property
+    def share_of(self) -> Callable[[str], Share]:
+        """Under which name a unit's use of what is limited is counted, and how many shares that has."""
+        return self.agent.acts.share_of
 
     def offered(self) -> list[Service]:
         """The services of all parts, as a description lists them."""

@@ -66,6 +66,7 @@ class Platform:
             contain=self.containment,
         )
         self.parts = self.ports.build()
+        self.containment.owner_of = lambda unit: self.ports.share_of(unit).owner
         self._timed = self._having("on_time")
         self._with_peers, self._with_alarms = self._having("on_peer"), self._having("on_alarm")
         self._flushed, self._owing = self._having("flush"), self._having("is_owing")

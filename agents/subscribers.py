@@ -36,9 +36,11 @@ class Subscribers:
             ContentError: it has no conversation.
             Refused: that is about a task; `too-many-subscriptions`: the sender has enough.
         """
-        sender = act.sender.unit
-        if sum(unit == sender for unit, _ in self._acts) >= OF_ONE:
-            raise Refused(f"{sender} has {OF_ONE} subscriptions of this kind: cancel some", "too-many-subscriptions")
+        share_of = self._agent.acts.share_of
+        owner, shares = share_of(act.sender.unit)
+        if sum(share_of(unit).owner == owner for unit, _ in self._acts) >= OF_ONE * shares:
+            text = f"{owner} has {OF_ONE * shares} subscriptions of this kind: cancel some"
+            raise Refused(text, "too-many-subscriptions")
         self._acts[act.sender.unit, self._tasks.check_free(act.conversation_id, act.sender.unit)] = act
         self._agent.answer(act, Performative.AGREE, None, now_us)
 

@@ -89,10 +89,13 @@ class RosterKept(NamedTuple):
 
 
 class LinkClosed(NamedTuple):
-    """A link was closed, since the roster does not admit its certificate, which was made out to `name`."""
+    """A link was closed whose certificate was made out to `name`, which the roster does not admit; or `surplus`: it was the
+    oldest of more links of that name than one may have.
+    """
 
     name: str
     at_us: int
+    surplus: bool = False
 
 
 class CertificateEnds(NamedTuple):

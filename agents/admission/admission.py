@@ -8,7 +8,7 @@ from collections.abc import Callable, Sequence
 from typing import Any, TypeAlias
 
 from agents.actions import Action, Role, ServiceTable
-from agents.admission.limits import COMMANDING, TEXT_BURST, TEXT_PER_S, ActLimits, text_in
+from agents.admission.limits import TEXT_BURST, TEXT_PER_S, ActLimits, text_in
 from agents.containment import Containment, place_of
 from agents.interface import InterfaceAgent
 from agents.part import ClockCompared, Followed, Part, PeerChange
@@ -20,6 +20,7 @@ from federation.members.offers import Service, Visibility
 from federation.messages.acts import Act, Performative
 from federation.messages.contents import Done, Reason, read
 from federation.messages.protocols import OPENING
+from federation.security.shares import COMMANDING, Share
 from federation.transport import Arrived
 
 P = Performative
@@ -54,7 +55,8 @@ class Admission(Part):
     Args:
         agent: speaks and listens.
         parts: all others of the platform: their actions, cancels and losses.
-        limits: how much one peer may ask.
+        limits: how much one member may ask.
+        share_of: under which name it is counted.
         role_of: what a unit may ask for.
         refuse: counts what is dropped before it is an act.
         contain: what becomes of an act whose part raises.
@@ -73,12 +75,14 @@ class Admission(Part):
         agent: InterfaceAgent,
         parts: Sequence[Part],
         limits: ActLimits,
+        share_of: Callable[[str], Share],
         role_of: Callable[[str], Role],
         refuse: Callable[[str], None],
         contain: Containment,
         watch: CommandWatch,
     ) -> None:
         self._interface, self._parts, self._limits, self._role_of = agent, tuple(parts), limits, role_of
+        self._share_of = share_of
         self._texts = ActLimits(TEXT_PER_S, TEXT_BURST)
         self._contain, self._refuse, self._unit, self._watch = contain, refuse, agent.unit, watch
         self.table = ServiceTable(offer for part in parts for offer in part.offers)
@@ -170,7 +174,8 @@ class Admission(Part):
         sender = act.sender.unit
         if not self._contain.is_heard(sender):
             raise Denied(f"acts of {sender} made parts of {self._unit} fail: none is taken for a minute", "not-heard")
-        if not self._limits.admit(sender, now_us):
+        owner, shares = self._share_of(sender)
+        if not self._limits.admit(owner, now_us, 1 / shares):
             raise Denied(f"too many acts from {sender}; ask more slowly", "too-many-acts")
         if act.reply_to is not None and act.reply_to.unit != sender:
             raise Denied(f"answers go to {sender}, the requester, and to no other platform", "reply-to-another")
@@ -204,7 +209,7 @@ class Admission(Part):
             return
         sender = act.sender.unit
         share = COMMANDING if self._role_of(sender) is Role.COMMAND_CENTRE else 1
-        if not self._texts.admit(sender, now_us, cost / share):
+        if not self._texts.admit(self._share_of(sender).owner, now_us, cost / share):
             text = f"{sender} sends more than {share * TEXT_PER_S:.0f} characters a second; ask more slowly"
             raise Denied(text, "too-much-text")
 

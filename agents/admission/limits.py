@@ -10,8 +10,6 @@ ACTS_BURST = 40.0
 STREAMS_PER_PEER = 64
 TEXT_PER_S, TEXT_BURST = 4096.0, 65_536.0
 """Characters of long texts that a peer may send: formulas take 8 us each to read."""
-COMMANDING = 16
-"""A command centre may send so much more: missions and specifications are long."""
 SHORT_TEXT = 200
 """Characters of a text that is not counted."""
 

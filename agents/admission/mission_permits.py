@@ -30,6 +30,7 @@ class Permits:
         self._unit, self._role_of, self._authority = unit, role_of, authority
         self._permits: dict[str, tuple[TaskEvidence, int]] = {}
         authority.on_over.append(lambda mission, _now_us: self.end(mission))
+        authority.held.append(lambda: [permit for permit, _ in self._permits.values()])
 
     def permit(self, permit: TaskEvidence, now_us: int) -> None:
         """Let the first that it names lead it, and each next one when all before it are gone."""

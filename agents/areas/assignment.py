@@ -68,6 +68,7 @@ class AreaAssignment(Part):
         self._clock, self._network, self._offer, self._note = clock, network, offer, note
         self._authority, self._translation, self._local = authority, translation, translation.local_label(LABEL, unit)
         authority.on_over.append(self.drop)
+        authority.held.append(lambda: [piece.evidence for piece in self.known.values()])
         self.on_led: Callable[[str], None] = lambda _task: None
         self.on_piece: Callable[[], None] = lambda: None
         self.pieces: dict[str, AssignedPiece] = {}

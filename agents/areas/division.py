@@ -151,6 +151,7 @@ class AreaDivision(Part):
         self.succeeds_us: dict[str, int] = {}
         own.on_led = self._on_led
         authority.on_over.append(self._on_over)
+        authority.held.append(lambda: [divided.evidence for divided in self.areas.values()])
 
     def _check_room(self, delegator: str) -> None:
         of_one = sum(each.delegator == delegator for each in self.areas.values())

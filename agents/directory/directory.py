@@ -15,8 +15,10 @@ from agents.effects import Effect, Halt, Impaired, LeaveRequested
 from agents.interface import InterfaceAgent
 from agents.part import ClockCompared, Followed, Part, PeerChange
 from agents.subscribers import Subscribers
+from agents.tasks.authority import Authority
 from agents.tasks.life import TaskLife
 from agents.tasks.requests import MEMBERSHIP
+from agents.tasks.revocation import end_revoked
 from dyknow.model.errors import DecodeError
 from dyknow.model.instants import US_PER_S
 from federation import keys
@@ -103,6 +105,7 @@ class DirectoryAgent(Part):
         member: Member,
         agent: InterfaceAgent,
         tasks: TaskLife,
+        authority: Authority,
         offered: Callable[[], Sequence[Service]],
         labels: Callable[[], Sequence[LabelEntry]],
         conditions: Callable[[], Sequence[ConditionEntry]],
@@ -112,7 +115,7 @@ class DirectoryAgent(Part):
         note: Callable[[str], None],
         contain: Containment,
     ) -> None:
-        self._contain = contain
+        self._contain, self._tasks, self._authority = contain, tasks, authority
         self.facilitator, self._agent, self._offered, self._labels = member.directory, agent, offered, labels
         self._conditions, self._ontology = conditions, ontology
         self._member, self._emit, self._note = member, emit, note
@@ -157,13 +160,16 @@ class DirectoryAgent(Part):
         return None
 
     def on_roster(self, event: RosterRead, now_us: int) -> Followed:
-        """The roster has changed: revoked members are out."""
+        """The roster has changed: revoked members are out, and what goes by their word ends."""
         if self._kept_roster is not None:
             self._kept_roster = None
             self.offer(now_us)
-        for unit in self._member.on_roster(event, now_us):
+        for unit, is_revoked in self._member.on_roster(event, now_us).items():
             whose = "this platform is revoked: no other is linked with it" if unit == self._member.unit else ""
             self._note(whose or f"{unit} is revoked: its link is closed, and nothing of it is kept")
+            ended = end_revoked(is_revoked, self._authority, self._tasks, now_us)
+            if ended:
+                self._note(f"{unit} is revoked, and what goes by its word ends: {', '.join(ended)}"[:MAX_TEXT])
         return None
 
     def on_roster_kept(self, event: RosterKept, now_us: int) -> Followed:
@@ -175,8 +181,10 @@ class DirectoryAgent(Part):
         return None
 
     def on_link_closed(self, event: LinkClosed, _now_us: int) -> Followed:
-        """A certificate came that the roster does not admit."""
-        self._note(f"a link was closed: the roster does not admit the certificate of {event.name[:64]}")
+        """A certificate came that the roster does not admit, or one too often."""
+        name = event.name[:64]
+        refused = f"a link was closed: the roster does not admit the certificate of {name}"
+        self._note(f"links were closed: {name} has too many, the oldest ends" if event.surplus else refused)
         return None
 
     def on_certificate_ends(self, event: CertificateEnds, now_us: int) -> Followed:

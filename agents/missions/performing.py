@@ -99,6 +99,7 @@ class Performing(Part):
         self._tasks, self._emit, self._note, self._offer = tasks, emit, note, offer
         self._authority, self.permits, self._watch = authority, Permits(unit, role_of, authority), watch
         authority.on_over.append(self._on_over)
+        authority.held.append(lambda: [] if self._joined is None or self._joined.word is None else [self._joined.word])
         self._joined: _Joined | None = None
         self._due_us = 0
         self._is_released = False

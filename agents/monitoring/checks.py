@@ -104,9 +104,9 @@ class Checks(Part):
         """
         sender = act.sender.unit
         checking = [check.act.sender.unit for check in self._open.values() if check.do is None]
-        checking += [each.sender.unit for each in self._parsing.values()]
-        if len(checking) >= MOST or checking.count(sender) >= MOST_CHECKS_OF_ONE:
-            text = f"{len(checking)} formulas are under check here, {checking.count(sender)} of {sender}; wait for one to end"
+        of_one, shares = self._of_one(sender, checking)
+        if len(checking) + len(self._parsing) >= MOST or of_one >= MOST_CHECKS_OF_ONE * shares:
+            text = f"{len(checking)} formulas are under check here, {of_one} of {sender}; wait for one to end"
             raise Refused(text, "too-many-checks")
 
         def begin(formula: Formula, at_us: int) -> None:
@@ -114,6 +114,13 @@ class Checks(Part):
             self._set_due(act, content.timeout_s or TIMEOUT_S, at_us)
 
         self._read(act, content.text, begin, now_us)
+
+    def _of_one(self, unit: str, senders: list[str]) -> tuple[int, int]:
+        """How many of these, and of those that are parsed, are of the member behind a unit, and how many shares it has."""
+        share_of = self._agent.acts.share_of
+        owner, shares = share_of(unit)
+        senders = senders + [each.sender.unit for each in self._parsing.values()]
+        return sum(share_of(each).owner == owner for each in senders), shares
 
     def on_when(self, act: Act, content: When, now_us: int) -> None:
         """`(when do: (create-multicast ...) condition: "gas[self] > 40")`: agree, and do it once that is true.
@@ -134,9 +141,9 @@ class Checks(Part):
         read(content.do)
         sender = act.sender.unit
         waiting = [check.act.sender.unit for check in self._open.values() if check.do is not None]
-        waiting += [each.sender.unit for each in self._parsing.values()]
-        if len(waiting) >= MOST_WAITING or waiting.count(sender) >= MOST_OF_ONE:
-            text = f"{len(waiting)} requests wait for their conditions here, {waiting.count(sender)} of {sender}; cancel one"
+        of_one, shares = self._of_one(sender, waiting)
+        if len(waiting) + len(self._parsing) >= MOST_WAITING or of_one >= MOST_OF_ONE * shares:
+            text = f"{len(waiting)} requests wait for their conditions here, {of_one} of {sender}; cancel one"
             raise Refused(text, "too-many-waiting")
         self._read(act, content.condition, partial(self._wait, act, content), now_us)
 

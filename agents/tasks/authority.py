@@ -82,6 +82,7 @@ class Authority(Part):
 
     Attributes:
         on_over: called with the name of a task that is over everywhere.
+        held: the evidence that each part goes by.
     """
 
     offers = (Offer(COORDINATION, (Action(TaskOver, "on_task_over", INFORMED | REQUESTED),)),)
@@ -100,6 +101,7 @@ class Authority(Part):
         self._ended_here: dict[str, None] = {}
         self._gone_us: dict[str, int] = {}
         self.on_over: list[Callable[[str, int], None]] = []
+        self.held: list[Callable[[], Iterable[TaskEvidence]]] = []
 
     # -- evidence ----------------------------------------------------------------------------------------------
 
@@ -283,6 +285,16 @@ class Authority(Part):
             over(content.task, now_us)
         if act.performative is Performative.REQUEST:
             self._agent.done(act, now_us)
+
+    def end_of(self, is_revoked: Callable[[str], bool], now_us: int) -> list[str]:
+        """End all that goes by the word of delegators that are revoked; returns its names. No evidence counts as verified."""
+        self._proven.clear()
+        ended = {each.task: each for held in self.held for each in held() if is_revoked(each.delegator)}
+        for task, found in ended.items():
+            self.end(found, now_us)
+            for over in self.on_over:
+                over(task, now_us)
+        return list(ended)
 
     # -- peers -------------------------------------------------------------------------------------------------
 

@@ -125,7 +125,7 @@ class CommandWatch(Part):
 
     def refuse(self, act: Act, refused: Refused, now_us: int) -> None:
         """Note that what a platform asked for was refused for its sender."""
-        sender = act.sender.unit
+        sender = self._agent.acts.share_of(act.sender.unit).owner
         is_asked_at_another = refused.code == "led-by" and act.performative is Performative.CANCEL
         if refused.code not in CODES or is_asked_at_another or sender == self._unit:
             return

@@ -93,6 +93,7 @@ class TaskLife(Part):
         self._due: Deadlines[str] = Deadlines()
         self._until_us: dict[str, int] = {}
         authority.on_over.append(self._on_over)
+        authority.held.append(lambda: [led.evidence for led in self.coordinated.values()])
 
     # -- requested, running ------------------------------------------------------------------------------------
 
@@ -107,7 +108,9 @@ class TaskLife(Part):
             raise ContentError("what lasts needs a :conversation-id, in which it can be cancelled")
         if conversation in self._tasks:
             raise Refused(f"conversation {conversation} is about another task; open one of your own")
-        parts, asked = (sum(each.is_part is kind for each in self.of(asker)) for kind in (True, False))
+        owner, share_of = self._agent.acts.share_of(asker).owner, self._agent.acts.share_of
+        of_one = [each for each in self._tasks.values() if share_of(each.initiator).owner == owner]
+        parts, asked = (sum(each.is_part is kind for each in of_one) for kind in (True, False))
         most = OF_A_CENTRE if self._role_of(asker) is Role.COMMAND_CENTRE else OF_ONE
         if asked >= most or parts >= PARTS_OF_ONE:
             text = f"{asked} tasks of {asker} run here, and {parts} parts of others: cancel some (dyknow tasks)"

@@ -23,6 +23,7 @@ from federation.messages.receipts import (
     encode_signed,
     signed_bytes,
 )
+from federation.security.shares import own_share
 from federation.security.trust import Trust
 from federation.transport import Arrived, Put
 
@@ -85,7 +86,8 @@ class Correspondence:
         trust: Trust | None = None,
     ) -> None:
         self.unit = unit
-        self.conversations = Conversations(unit, boot, self._encoded, self._receipt_bytes)
+        self.share_of = own_share if trust is None else trust.share_of
+        self.conversations = Conversations(unit, boot, self._encoded, self._receipt_bytes, self.share_of)
         self._agents, self._audit, self._emit = agents, audit, emit
         self._offset_us_of, self._trust = offset_us_of, trust
         self._now_us = 0

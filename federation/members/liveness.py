@@ -217,8 +217,8 @@ class Liveness:
             return self._token_went(peer, at_us)
         if peer is None:
             peer = self._meet(unit, at_us)
-            if peer is None:
-                return _NOTHING
+        if peer is None or self._member_of(unit) is None:
+            return _NOTHING
         peer.tokens[zid], peer.token_gone_us, peer.untold_us = at_us, None, None
         if peer.state is PeerState.SUSPECT and at_us < peer.heard_us + SUSPECT_US:
             return self._return(peer, at_us)
@@ -351,7 +351,11 @@ class Liveness:
             self._twins.append(boot)
             return [NameConflict(unit, boot)]
         peer = self.peers.get(unit) or self._meet(unit, at_us)
-        if peer is None or (boot < peer.boot and peer.present and at_us < peer.heard_us + SUSPECT_US):
+        if (
+            peer is None
+            or self._member_of(unit) is None
+            or (boot < peer.boot and peer.present and at_us < peer.heard_us + SUSPECT_US)
+        ):
             return _NOTHING
         events: list[LivenessEvent] = []
         if peer.present:
@@ -373,6 +377,8 @@ class Liveness:
 
     def _beat_of_doubted(self, peer: Peer, at_us: int) -> Sequence[LivenessEvent]:
         """A heartbeat of a platform that is suspected or gone. One may have been under way when the token was withdrawn."""
+        if self._member_of(peer.unit) is None:
+            return _NOTHING
         if peer.state is PeerState.ANNOUNCED:
             return self.on_kind(peer.unit, peer.kind, at_us) if peer.kind else _NOTHING
         peer.beats += 1

@@ -7,6 +7,7 @@ it learns it passes on to its `MemberAgents` by plain calls, in the order in whi
 
 from collections import Counter
 from collections.abc import Callable, Iterable, Sequence
+from functools import partial
 from itertools import count
 from typing import Protocol
 
@@ -266,8 +267,10 @@ class Member:
         self.take(outcome, now_us)
         return True if outcome else None if is_due else False
 
-    def on_roster(self, event: transport.RosterRead, now_us: int) -> tuple[str, ...]:
-        """Go by a later generation of the roster; returns whom it revokes: all that is kept of them is dropped.
+    def on_roster(self, event: transport.RosterRead, now_us: int) -> dict[str, Callable[[str], bool]]:
+        """Go by a later generation of the roster; returns whom it revokes, and which units speak for each.
+
+        All that is kept of them is dropped.
 
         One whose key is another now is another member.
 
@@ -279,7 +282,7 @@ class Member:
         except RosterError:
             raise DecodeError("roster") from None
         if self.trust is None or not roster.is_successor_of(before := self.trust.roster):
-            return ()
+            return {}
         self.trust.verifier.roster = roster
         revoked = {
             unit
@@ -288,12 +291,17 @@ class Member:
             and ((now := roster.members.get(unit)) is None or now.revoked or now.key != member.key)
         }
 
-        def is_revoked(unit: str) -> bool:
+        def speaks_for(name: str, unit: str) -> bool:
             member = before.member(unit)
-            return member is not None and member.unit in revoked
+            return member is not None and member.unit == name
+
+        def is_revoked(unit: str) -> bool:
+            return any(speaks_for(name, unit) for name in revoked)
 
         self.take(self.directory.on_revoked(is_revoked, now_us), now_us)
-        return tuple(sorted(revoked))
+        for unit in {each.peer for each in self.acts.conversations.conversations() if is_revoked(each.peer)}:
+            self.acts.peer_gone(unit, now_us)  # it has spoken without being in the directory
+        return {unit: partial(speaks_for, unit) for unit in sorted(revoked)}
 
     def _on_asked(self, event: transport.Asked, now_us: int) -> None:
         match keys.parse_key(event.key):

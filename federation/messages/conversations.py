@@ -21,6 +21,7 @@ from federation.messages.contents import Progress
 from federation.messages.delivery import Delivery
 from federation.messages.receipts import Receipt, encode_receipt
 from federation.messages.sexpr import Expr, QuotedText
+from federation.security.shares import Share, own_share
 from federation.transport import Put
 
 P = Performative
@@ -48,7 +49,8 @@ _Name: TypeAlias = tuple[str, str, bool]
 class Conversations:
     """All conversations of one platform, and the delivery of their acts. Times are the node clock.
 
-    `encode` turns an act into bytes, `receipt_bytes` a receipt for a unit, signed where there is a roster.
+    `encode` turns an act into bytes, `receipt_bytes` a receipt for a unit, signed where there is a roster; `share_of` says
+    with which other names a unit shares what one member may have open here.
     """
 
     def __init__(
@@ -57,8 +59,9 @@ class Conversations:
         boot: int,
         encode: Callable[[Act], bytes] = encode_act,
         receipt_bytes: Callable[[str, Receipt], bytes] = lambda _receiver, receipt: encode_receipt(receipt),
+        share_of: Callable[[str], Share] = own_share,
     ) -> None:
-        self.unit, self.boot = unit, boot
+        self.unit, self.boot, self._share_of = unit, boot, share_of
         self.delivery = Delivery(unit, boot, encode, receipt_bytes)
         self._open: dict[_Name, protocols.Conversation] = {}
         self._due_us: int | None = None
@@ -105,7 +108,7 @@ class Conversations:
         opens = performative in protocols.OPENING and not is_proposal
         if opens or performative is P.CANCEL:
             act = self._addressed(act, now_us)
-        if opens and self._count(peer, ours=True) >= OPEN_PER_PEER:
+        if opens and sum(name[1] == peer and name[2] for name in self._open) >= OPEN_PER_PEER:
             raise Refused(f"{OPEN_PER_PEER} conversations with {peer} are open already")
         said, put = self.delivery.send(act, now_us, patient=not opens)
         conversation = said.conversation_id or ""
@@ -313,7 +316,7 @@ class Conversations:
                 _remember(self._ended, (conversation, peer))
         elif (conversation, peer) in self._ended:  # its cancel overtook it
             return [self.delivery.send(self._no(act, P.REFUSE, "this conversation was cancelled"), now_us)[1]]
-        if known is None and self._count(peer, ours=False) >= OPEN_PER_PEER:
+        if known is None and self._is_full(peer):
             return [self.delivery.send(self._no(act, P.REFUSE, "too many open conversations"), now_us)[1]]
         phase = protocols.Phase.CANCELLING if act.performative is P.CANCEL else protocols.Phase.ASKED
         self._add(protocols.Conversation(act, peer, False, phase, now_us + min(within_us, REPLY_BY_MOST_US)))
@@ -350,8 +353,13 @@ class Conversations:
         self._open[found.opening.conversation_id or "", found.peer, found.ours] = found
         self._wake(found.due_us)
 
-    def _count(self, unit: str, *, ours: bool) -> int:
-        return sum(name[1] == unit and name[2] is ours for name in self._open)
+    def _is_full(self, unit: str) -> bool:
+        """Whether the member behind a unit has opened as many as it may."""
+        owner, shares = self._share_of(unit)
+        opened = [peer for _, peer, ours in self._open if not ours]
+        if len(opened) < OPEN_PER_PEER:
+            return False
+        return sum(self._share_of(peer).owner == owner for peer in opened) >= OPEN_PER_PEER * shares
 
     def _wake(self, due_us: int | None) -> None:
         if due_us is not None and (self._due_us is None or due_us < self._due_us):

@@ -6,6 +6,7 @@ back has a number after the unit. Zenoh reads the rules when a session is opened
 every member, too, and which of them is admitted is decided link by link (`proxies.zenoh.link_gate`).
 """
 
+from collections.abc import Mapping
 from datetime import UTC, datetime, timedelta
 from hashlib import sha256
 from ipaddress import ip_address
@@ -15,14 +16,17 @@ from dyknow.model.errors import RosterError
 from dyknow.model.instants import US_PER_S
 from federation import keys
 from federation.messages.unpacking import MAX_BYTES
-from federation.security.trust import Roster, RosterMember, common_name
+from federation.security.trust import Role, Roster, RosterMember, common_name
 
 if TYPE_CHECKING:
     from cryptography import x509
     from cryptography.hazmat.primitives.asymmetric.ec import EllipticCurvePrivateKey
 
 MAX_MESSAGE: Final = 1_048_576
-MAX_SESSIONS: Final = 64
+LINKS: Final[Mapping[Role, int]] = {"uav": 8, "observer": 8, "command-centre": 32}
+"""Links of one certificate to one session at once: a process has one, and another while it opens its session again."""
+SESSIONS: Final = 512
+"""With which one is linked at most: more than one member takes before its surplus links are closed."""
 OPEN_MS: Final = 3000
 NEXT_CERTIFICATES: Final = 8
 """How many times a member comes back before those that run must be started again."""
@@ -62,7 +66,7 @@ def zenoh_security_config(roster: Roster, unit: str, paths: Paths, federation: s
     return {
         "scouting": {"gossip": {"enabled": False}},
         "transport": {
-            "unicast": {"max_sessions": MAX_SESSIONS, "open_timeout": OPEN_MS, "accept_timeout": OPEN_MS},
+            "unicast": {"max_sessions": SESSIONS, "open_timeout": OPEN_MS, "accept_timeout": OPEN_MS},
             "link": {
                 "protocols": ["tls"],
                 "rx": {"max_message_size": MAX_MESSAGE},

@@ -17,6 +17,7 @@ from dyknow.model.toml_texts import tables_of
 from federation import keys
 from federation.messages.acts import Act
 from federation.messages.codec import Signature
+from federation.security.shares import COMMANDING, Share
 
 if TYPE_CHECKING:
     from cryptography.hazmat.primitives.asymmetric.ed25519 import Ed25519PublicKey
@@ -170,9 +171,9 @@ class Roster:
         return next((member for member in self.members.values() if member.key == key), None)
 
     @property
-    def admitted(self) -> frozenset[str]:
-        """The common names of the certificates with which others may be linked."""
-        return frozenset(member.common_name for member in self.members.values() if not member.revoked)
+    def admitted(self) -> Mapping[str, RosterMember]:
+        """By common name, whose certificates others may be linked with."""
+        return {member.common_name: member for member in self.members.values() if not member.revoked}
 
     def is_successor_of(self, older: "Roster") -> bool:
         """Whether this is the same roster, changed since."""
@@ -392,6 +393,13 @@ class Trust:
     def roster(self) -> Roster:
         """Whose keys count now."""
         return self.verifier.roster
+
+    def share_of(self, unit: str) -> Share:
+        """That of the member of the roster behind a name: `obs-1`, `obs-2` ... use what `obs` has."""
+        member = self.roster.member(unit)
+        if member is None:
+            return Share(unit, 1)
+        return Share(member.unit, COMMANDING if member.role == "command-centre" else 1)
 
     @staticmethod
     def of(

@@ -1,7 +1,9 @@
 """Which members may be linked, by certificate: one link is closed without disturbing the others, again whenever it is made again.
 
 Zenoh reads its rules when a session is opened and closes no single link. It says of each link what certificate the other
-side has shown; the socket of one whose certificate the roster does not admit is shut down, and Zenoh drops the link.
+side has shown; the socket of one whose certificate the roster does not admit is shut down, and Zenoh drops the link. So are the
+oldest of more links with one certificate than a member may have, or it would take the places of all others: a member that lost its
+link is linked again at once, though the dead one is listed still.
 The gate looks when a transport is made, and Zenoh waits for it before it sends anything but the handshake. It looks twice a
 second besides, for links that were there when the roster changed.
 """
@@ -17,14 +19,20 @@ from pathlib import Path
 from typing import Any, TypeAlias
 
 from dyknow.model.errors import RosterError
-from federation.security.tls import named_until
+from federation.security.tls import LINKS, SESSIONS, named_until
 from federation.security.trust import Roster
 from federation.transport import CertificateEnds, HandlerFailed, LinkClosed, RosterKept, RosterRead
 from proxies.files.named_files import bounded_text
 
 Post: TypeAlias = Callable[[LinkClosed | RosterRead | RosterKept | CertificateEnds | HandlerFailed], None]
 Address: TypeAlias = tuple[str, int]
+Ends: TypeAlias = tuple[str, str]
 _LOOK_S = 0.5
+CLOSED_AT_ONCE, MOST_OF_ONE = 2, SESSIONS
+"""Surplus links of one certificate that are closed in each look: a session that is closed dials again at once, and a
+handshake costs more than a link that is quiet. While places are scarce all are closed."""
+RESERVED = 64
+"""Places that are left when they are scarce."""
 _CHUNK = 65_536
 _AHEAD_US = 86_400_000_000
 
@@ -52,6 +60,9 @@ class LinkGate:
         self._stamp = self._stamped()
         self.roster = Roster.parse(path.read_text("utf-8"))
         self._admitted = self.roster.admitted
+        self._lock = threading.Lock()
+        self._of_one: dict[str, dict[Ends, None]] = {}
+        self._closed: set[Ends] = set()
         _, ends_us = named_until(certificate.read_bytes())
         self._ends_us: int | None = ends_us
         self._ended = threading.Event()
@@ -63,17 +74,45 @@ class LinkGate:
         self._thread.join()
 
     def look(self) -> None:
-        """Close every link that there is and whose certificate is not admitted."""
-        for link in self._links():
+        """Close every link that there is and that may not stay."""
+        links = list(self._links())
+        there = {_ends(link) for link in links}
+        with self._lock:
+            self._closed &= there
+            for name, of_one in list(self._of_one.items()):
+                self._of_one[name] = {ends: None for ends in of_one if ends in there}
+                if not self._of_one[name]:
+                    del self._of_one[name]
+        for link in links:
             self.on_link(link)
 
     def on_link(self, link: Any) -> None:
-        """A link is there; it stays if its certificate is admitted."""
-        name = link.auth_identifier
-        if name in self._admitted:
+        """A link is there; it stays while its certificate is admitted, and it is not the oldest of too many."""
+        name, ends = str(link.auth_identifier), _ends(link)
+        member = self._admitted.get(link.auth_identifier)
+        if member is None:
+            if _shut(*map(_address, ends)):
+                self._post(LinkClosed(name, self._now_us()))
             return
-        if _shut(_address(str(link.src)), _address(str(link.dst))):
-            self._post(LinkClosed(str(name), self._now_us()))
+        with self._lock:
+            if ends not in self._closed:  # else Zenoh has not noticed yet
+                self._of_one.setdefault(name, {})[ends] = None
+            is_full = sum(map(len, self._of_one.values())) > SESSIONS - RESERVED
+        if is_full:
+            self._close_surplus(name, MOST_OF_ONE)
+
+    def _close_surplus(self, name: str, most: int) -> None:
+        """Close the oldest of too many links with one certificate, at most so many."""
+        with self._lock:
+            of_one, member = self._of_one.get(name, {}), self._admitted.get(name)
+            surplus = max(0, len(of_one) - (LINKS[member.role] if member is not None else 0))
+            closed = list(of_one)[: min(most, surplus)]
+            for each in closed:
+                del of_one[each]
+                self._closed.add(each)
+        for each in closed:
+            if _shut(*map(_address, each)):
+                self._post(LinkClosed(name, self._now_us(), surplus=True))
 
     def _watch(self) -> None:
         while not self._ended.wait(_LOOK_S):
@@ -83,6 +122,8 @@ class LinkGate:
                     self._post(CertificateEnds(self._ends_us, self._now_us()))
                     self._ends_us = None
                 self.look()
+                for name in list(self._of_one):
+                    self._close_surplus(name, CLOSED_AT_ONCE)
             except Exception as failed:  # noqa: BLE001  (contained: the gate looks again)
                 self._post(HandlerFailed("roster and links", self._now_us(), repr(failed)))
 
@@ -111,6 +152,10 @@ class LinkGate:
         except OSError:
             return None
         return found.st_ino, found.st_mtime_ns, found.st_size
+
+
+def _ends(link: Any) -> Ends:
+    return str(link.src), str(link.dst)
 
 
 def _address(locator: str) -> Address:

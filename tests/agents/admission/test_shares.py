@@ -1,11 +1,17 @@
 """What one member has delegated to a platform, or follows there, is bounded, and what others ask for stays possible."""
 
+from hashlib import sha256
+
+import pytest
+
+from agents.admission.limits import ACTS_BURST
 from agents.subscribers import OF_ONE as FOLLOWED
 from agents.tasks.life import OF_ONE
 from federation.messages.acts import Performative
-from federation.messages.contents import Alarms, CheckFormula, MonitorProximity, Reason
+from federation.messages.contents import ActList, Acts, Alarms, CheckFormula, MonitorProximity, Reason
+from federation.security.trust import Role, Roster, RosterMember, Signer, Trust
 from tests.agents.rosters import trust
-from tests.box import Box, Question, Vehicle
+from tests.box import EPOCH, Box, Question, Vehicle
 
 P = Performative
 
@@ -44,3 +50,61 @@ def test_subscriptions_of_one_member_leave_room_for_those_of_others(wire: Box) -
     assert [each.performatives for each in asked] == [*[[P.AGREE]] * FOLLOWED, [P.REFUSE]]
     assert code(asked[-1]) == "too-many-subscriptions"
     assert wire.asked("cc", "0", Alarms(), P.SUBSCRIBE).performatives == [P.AGREE]
+
+
+def named(unit: str) -> Trust:
+    """Of a member, or of one of its names: `obs-1` has the key of `obs`."""
+    roles: dict[str, Role] = {"0": "uav", "1": "uav", "obs": "observer", "cc": "command-centre"}
+    seeds = {each: sha256(each.encode()).digest() for each in roles}
+    members = {
+        each: RosterMember(each, Signer(seed, "default").public_key, roles[each]) for each, seed in seeds.items()
+    }
+    return Trust.of(Roster(members), seeds[unit.partition("-")[0]], "default", EPOCH - 1_000_000)
+
+
+@pytest.fixture
+def by_names(wire: Box) -> Box:
+    for unit in "01":
+        wire.join(unit, Vehicle(north_m=3000.0 * int(unit)), trust=named(unit))
+    for stem in ("obs", "cc"):
+        for unit in (stem, *(f"{stem}-{number}" for number in range(1, 6))):
+            wire.centre(unit, trust=named(unit))
+    wire.run(1.5)
+    return wire
+
+
+def names(stem: str) -> list[str]:
+    return [stem, *(f"{stem}-{number}" for number in range(1, 6))]
+
+
+def test_an_observer_has_one_share_of_acts_under_all_its_names_and_a_command_centre_more(by_names: Box) -> None:
+    accepted: dict[str, int] = {}
+    for stem in ("obs", "cc"):
+        asked = [
+            by_names.question(unit, "0", ActList(), P.QUERY_REF) for unit in names(stem) for _ in range(int(ACTS_BURST))
+        ]
+        by_names.run(0.5)
+        accepted[stem] = sum(P.INFORM in each.performatives for each in asked)
+    assert ACTS_BURST <= accepted["obs"] < 1.5 * ACTS_BURST
+    assert accepted["cc"] == len(names("cc")) * ACTS_BURST
+    assert by_names.asked("1", "0", ActList(), P.QUERY_REF).performatives[0] is P.INFORM
+
+
+def test_an_observer_has_one_share_of_subscriptions_under_all_its_names(by_names: Box) -> None:
+    asked = {
+        stem: [by_names.asked(unit, "0", Acts(), P.SUBSCRIBE) for unit in names(stem) for _ in range(4)]
+        for stem in ("obs", "cc")
+    }
+    assert [each.performatives[0] for each in asked["obs"]].count(P.AGREE) == FOLLOWED
+    assert {code(each) for each in asked["obs"][FOLLOWED:]} <= {"too-many-subscriptions", "too-many-acts"}
+    assert all(each.performatives[0] is P.AGREE for each in asked["cc"])
+
+
+def test_acts_that_end_parts_are_counted_by_member(by_names: Box) -> None:
+    containment = by_names.platform("0").containment
+    containment.is_on = True
+    for number in range(1, 4):
+        containment.caught(f"Part.fail {number}", ValueError(), f"obs-{number}", by_act=True)
+    by_names.run(0.5)
+    assert not any(containment.is_heard(unit) for unit in names("obs"))
+    assert containment.is_heard("1")

@@ -26,6 +26,7 @@ pytestmark = pytest.mark.live
 WITHIN_S = 5.0
 PATIENCE_S = 20.0
 REDIAL_MS = 50
+SESSIONS = 66
 REDIALS = 1200 if os.environ.get("DYKNOW_FULL") else 60
 
 
@@ -206,3 +207,23 @@ def test_five_bad_identities_hear_and_say_nothing(
         assert bad[name].links == 0, name
     assert {(each["unit"], each["state"]) for each in dyknow.run("ls")} == {(0, "alive"), (1, "alive")}
     assert watcher.lost() == 0
+
+
+def test_quiet_sessions_of_one_certificate_leave_room_for_the_commands_of_the_operator(
+    secured: tuple[Dyknow, Path, Callable[..., Holder]],
+) -> None:
+    dyknow, _, holder = secured
+    held = [holder("3") for _ in range(SESSIONS)]
+    until(lambda: sum(each.links for each in held) > SESSIONS)
+    for _ in range(2):
+        assert {(each["unit"], each["state"]) for each in dyknow.run("ls")} == {(0, "alive"), (1, "alive")}
+    asked = dyknow.run("delegate", "hold", "--to", "0")
+    assert asked[0]["performative"] == "agree"
+    until(lambda: any("3 has too many" in note for note in notes_of(dyknow)))
+
+
+def notes_of(dyknow: Dyknow) -> list[str]:
+    """What the UAVs have noted."""
+    paths = (dyknow.directory / "dyknow" / dyknow.federation / "units").glob("*.out")
+    said = [json.loads(line) for path in paths for line in path.read_text().splitlines() if line.endswith("}")]
+    return [each["text"] for each in said if each["event"] == "note"]

@@ -12,6 +12,7 @@ import pytest
 import zenoh
 
 from federation import transport as wire
+from federation.security.tls import LINKS
 from federation.security.trust import Roster
 from proxies.zenoh.configuration import ZenohOptions, zenoh_config
 from proxies.zenoh.edge import ZenohEdge
@@ -22,6 +23,8 @@ from tests.live.command_line.command import Dyknow, free_tcp_ports
 pytestmark = pytest.mark.live
 PATIENCE_S = 60.0
 REDIAL_MS = 50
+MANY, HELD = 12, 70
+"""Commands of the operator that run at once, and sessions of a member that it needs for nothing."""
 DIALS = 1200 if os.environ.get("DYKNOW_FULL") else 60
 
 
@@ -109,3 +112,41 @@ def test_a_revoked_member_that_dials_again_and_again_is_not_heard_and_hears_noth
         hostile.close()
         edge.close()
     assert Roster.parse(roster.read_text()).members["3"].revoked
+
+
+def test_a_member_that_opens_session_after_session_leaves_those_of_the_operator(dyknow: Dyknow, roster: Path) -> None:
+    events: list[wire.WireEvent] = []
+    endpoint = f"tls/127.0.0.1:{free_tcp_ports(1)}"
+    edge = ZenohEdge(
+        options_of("0", roster, dyknow.federation, listen=(endpoint,)), events.append, lambda: time.time_ns() // 1000
+    )
+    edge.open()
+
+    def opened(unit: str) -> zenoh.Session:
+        ends = {"listen": ("tls/127.0.0.1:0",), "connect": (endpoint,)}
+        config = zenoh_config(options_of(unit, roster, dyknow.federation, **ends), lambda _: "127.0.0.1")
+        config.pop("access_control")
+        config["connect"]["retry"] = {"period_init_ms": 60_000, "period_max_ms": 60_000}
+        return zenoh.open(zenoh.Config.from_json5(json.dumps(config)))
+
+    def linked(session: zenoh.Session) -> bool:
+        return bool(list(session.info.peers_zid()))
+
+    held = list[zenoh.Session]()
+    commands = [opened("cc") for _ in range(MANY)]
+    try:
+        held = [opened("3") for _ in range(HELD)]
+        until(lambda: any(isinstance(each, wire.LinkClosed) for each in events))
+        commands.append(opened("cc"))
+        until(lambda: all(map(linked, commands)))
+        closed = {(each.name, each.surplus) for each in events if isinstance(each, wire.LinkClosed)}
+        assert closed == {("3", True)}
+        assert LINKS["uav"] < len(commands) < LINKS["command-centre"]
+        held[0].close()
+        again = held[0] = opened("3")
+        until(lambda: linked(again))
+        assert all(map(linked, commands))
+    finally:
+        for each in [*commands, *held]:
+            each.close()
+        edge.close()

@@ -1,28 +1,37 @@
 """The gate that reads the roster again: a file that cannot be used is reported, and the roster before it is kept."""
 
 import queue
+import socket
 from collections.abc import Callable, Iterator
 from dataclasses import replace
 from pathlib import Path
+from types import SimpleNamespace
 from typing import Any
 
 import pytest
 
-from federation.security.tls import authority_certificate, platform_certificate, tls_key
+from federation.security.tls import LINKS, authority_certificate, platform_certificate, tls_key
 from federation.security.trust import Roster, RosterMember
-from federation.transport import HandlerFailed, RosterKept, RosterRead
+from federation.transport import CertificateEnds, HandlerFailed, RosterKept, RosterRead
 from proxies.zenoh.link_gate import LinkGate
 
 NOW_US = 1_700_000_000_000_000
+DAY_US = 86_400_000_000
 ROSTER = Roster({"0": RosterMember("0", b"k" * 32), "3": RosterMember("3", b"m" * 32)}, "fed", "0123456789abcdef", 3)
 
 
 @pytest.fixture
-def gate(tmp_path: Path) -> Iterator[Callable[..., "queue.Queue[Any]"]]:
+def ends_days() -> float:
+    """How long our certificate is good."""
+    return 365.0
+
+
+@pytest.fixture
+def gate(tmp_path: Path, ends_days: float) -> Iterator[Callable[..., "queue.Queue[Any]"]]:
     authority_key, own_key = tls_key(b"a" * 48), tls_key(b"b" * 48)
     authority = authority_certificate(authority_key, "test", NOW_US)
     certificate = tmp_path / "certificate.pem"
-    certificate.write_bytes(platform_certificate("0", own_key, authority_key, authority, NOW_US))
+    certificate.write_bytes(platform_certificate("0", own_key, authority_key, authority, NOW_US, days=ends_days))
     (tmp_path / "roster.toml").write_text(str(ROSTER))
     opened: list[LinkGate] = []
 
@@ -72,3 +81,80 @@ def test_a_gate_whose_look_fails_says_so_and_looks_again(gate: Callable[..., "qu
     assert "too many open files" in failed.error
     for _ in range(3):
         looked.get(timeout=20.0)
+
+
+@pytest.mark.parametrize(("ends_days", "is_announced"), [(0.99, True), (1.01, False)])
+def test_the_end_of_our_certificate_is_announced_a_day_ahead_and_once(
+    gate: Callable[..., "queue.Queue[Any]"], ends_days: float, is_announced: bool
+) -> None:
+    looked: queue.Queue[int] = queue.Queue()
+
+    def links() -> list[Any]:
+        looked.put(1)
+        return []
+
+    posted = gate(links)
+    for _ in range(3):
+        looked.get(timeout=20.0)
+    ends_us = NOW_US + round(ends_days * DAY_US)
+    found = [posted.get_nowait() for _ in range(posted.qsize())]
+    assert found == ([CertificateEnds(ends_us, NOW_US)] if is_announced else [])
+
+
+class Links:
+    """Connections over loopback, as the listening side has them: the gate shuts their sockets down."""
+
+    def __init__(self) -> None:
+        self.listener = socket.create_server(("127.0.0.1", 0))
+        self.sockets: list[tuple[Any, socket.socket, socket.socket]] = []
+
+    def __call__(self) -> list[Any]:
+        return [link for link, near, _ in self.sockets if near.fileno() >= 0]
+
+    def add(self, name: str) -> Any:
+        far = socket.create_connection(self.listener.getsockname())
+        near, _ = self.listener.accept()
+        far.setblocking(False)
+        here, there = ("tls/{}:{}".format(*end) for end in (near.getsockname(), near.getpeername()))
+        self.sockets.append((SimpleNamespace(auth_identifier=name, src=here, dst=there), near, far))
+        return self.sockets[-1][0]
+
+    def open(self) -> list[int]:
+        """Which of them are open, by their numbers."""
+        found = []
+        for number, (_, _, far) in enumerate(self.sockets):
+            try:
+                is_open = far.recv(1) != b""
+            except BlockingIOError:
+                is_open = True
+            found += [number] if is_open else []
+        return found
+
+
+@pytest.fixture
+def linked() -> Iterator[Links]:
+    links = Links()
+    yield links
+    for _, near, far in links.sockets:
+        near.close()
+        far.close()
+    links.listener.close()
+
+
+def test_the_oldest_links_of_one_certificate_are_closed_bit_by_bit_and_those_of_others_stay(
+    gate: Callable[..., "queue.Queue[Any]"], linked: Links
+) -> None:
+    most = LINKS["uav"]
+    for _ in range(5):
+        linked.add("0")
+    for _ in range(most + 5):
+        linked.add("3")
+    posted = gate(linked)
+    for _ in range(5):
+        closed = posted.get(timeout=20.0)
+        assert (closed.name, closed.surplus) == ("3", True)
+    assert linked.open() == [*range(5), *range(10, 10 + most)]
+    linked.add("3")
+    posted.get(timeout=20.0)
+    assert linked.open() == [*range(5), *range(11, 11 + most)], "a new one is admitted, the oldest ends"
+    assert posted.empty()

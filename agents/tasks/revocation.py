@@ -1,0 +1,22 @@
+"""What ends here with the membership of a platform or command centre: what goes by its word, and what it has asked for.
+
+Evidence of its acts is worth nothing from then on, also what was verified before. Each platform reads the roster itself, and ends
+its own share. What another has delegated to a platform that is revoked passes to the next in succession. Times are the node clock.
+"""
+
+from collections.abc import Callable
+
+from agents.tasks.authority import Authority
+from agents.tasks.life import TaskLife
+
+
+def end_revoked(
+    is_revoked: Callable[[str], bool], authority: Authority, tasks: TaskLife, now_us: int
+) -> tuple[str, ...]:
+    """End permits, missions, divisions, pieces, monitors and other tasks of members that are revoked; returns their names."""
+    ended = dict.fromkeys(authority.end_of(is_revoked, now_us))
+    for task in tasks.all():
+        if not task.is_part and is_revoked(task.initiator) and tasks.get(task.conversation) is task:
+            tasks.end(task, "the revocation of its delegator", now_us)
+            ended[task.conversation] = None
+    return tuple(ended)

@@ -1,0 +1,18 @@
+"""Shares in what is limited: counted by the member of the roster behind a name, or one would have as many as it has names."""
+
+from typing import Final, NamedTuple
+
+COMMANDING: Final = 16
+"""Shares of a command centre: several of its commands run at once, and its texts are long."""
+
+
+class Share(NamedTuple):
+    """Under which name the use of what is limited is counted, and how many shares that has."""
+
+    owner: str
+    shares: int
+
+
+def own_share(unit: str) -> Share:
+    """Without a roster each name counts by itself."""
+    return Share(unit, 1)
