@@ -15,7 +15,7 @@ from dyknow.model.errors import DyknowError
 from federation.members.clock import FederationClock
 from federation.members.deadlines import Deadlines
 from federation.messages.contents import Query, QueryStream
-from federation.security.shares import Share
+from federation.shares import MemberShare
 
 StreamQuery: TypeAlias = Query | QueryStream
 """By a semantic label, or by the label that the instance has for the stream."""
@@ -35,7 +35,7 @@ class PendingQuery(NamedTuple):
 
     answered: Callable[[int], None]
     failed: Callable[[str, int], None]
-    by: Share
+    by: MemberShare
 
 
 @dataclass(slots=True)
@@ -48,7 +48,7 @@ class ActivatedStream:
     owner: str = ""
 
 
-def _has_room(owners: list[str], by: Share) -> bool:
+def _has_room(owners: list[str], by: MemberShare) -> bool:
     return len(owners) < MOST and owners.count(by.owner) < MOST_OF_ONE * by.shares
 
 
