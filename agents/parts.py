@@ -83,7 +83,7 @@ from federation.members.member import Member, MemberAgents
 from federation.members.offers import Service
 from federation.members.offsets import ClockOffsets
 from federation.messages.descriptions import ConditionEntry, LabelEntry
-from federation.security.shares import Share
+from federation.shares import MemberShare
 from federation.sharing.exports import Exports
 from federation.sharing.translation import Convert, Translation
 from federation.transport import Reopen, WireEffect
@@ -221,7 +221,7 @@ class Ports:
         return Role.REVOKED if member is None or member.revoked else ROLES[member.role]
 
     @property
-    def share_of(self) -> Callable[[str], Share]:
+    def share_of(self) -> Callable[[str], MemberShare]:
         """Under which name a unit's use of what is limited is counted, and how many shares that has."""
         return self.agent.acts.share_of
 

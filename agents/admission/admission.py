@@ -20,7 +20,7 @@ from federation.members.offers import Service, Visibility
 from federation.messages.acts import Act, Performative
 from federation.messages.contents import Done, Reason, read
 from federation.messages.protocols import OPENING
-from federation.security.shares import COMMANDING, Share
+from federation.shares import COMMANDING, MemberShare
 from federation.transport import Arrived
 
 P = Performative
@@ -75,7 +75,7 @@ class Admission(Part):
         agent: InterfaceAgent,
         parts: Sequence[Part],
         limits: ActLimits,
-        share_of: Callable[[str], Share],
+        share_of: Callable[[str], MemberShare],
         role_of: Callable[[str], Role],
         refuse: Callable[[str], None],
         contain: Containment,

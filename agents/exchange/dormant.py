@@ -15,6 +15,7 @@ from dyknow.model.errors import DyknowError
 from federation.members.clock import FederationClock
 from federation.members.deadlines import Deadlines
 from federation.messages.contents import Query, QueryStream
+from federation.shares import MemberShare
 
 StreamQuery: TypeAlias = Query | QueryStream
 """By a semantic label, or by the label that the instance has for the stream."""
@@ -22,14 +23,19 @@ StreamQuery: TypeAlias = Query | QueryStream
 AWAKE_US = 30 * US_PER_S
 """How long after the last query a stream is kept, so that the next one finds its past, too."""
 PATIENCE_US = 1_000_000
-MOST = 64
+MOST, MOST_OF_ONE = 64, 16
+"""Queries that wait for a stream, and streams kept: of all members, and of one."""
 
 
 class PendingQuery(NamedTuple):
-    """A query that the first sample answers: `answered` is called when it is there, `failed` with why it did not come."""
+    """A query that the first sample answers: `answered` is called when it is there, `failed` with why it did not come.
+
+    `by` is whose it is.
+    """
 
     answered: Callable[[int], None]
     failed: Callable[[str, int], None]
+    by: MemberShare
 
 
 @dataclass(slots=True)
@@ -39,6 +45,11 @@ class ActivatedStream:
     subscription: Subscription
     waiting: list[PendingQuery] = field(default_factory=list)
     due_us: int = 0
+    owner: str = ""
+
+
+def _has_room(owners: list[str], by: MemberShare) -> bool:
+    return len(owners) < MOST and owners.count(by.owner) < MOST_OF_ONE * by.shares
 
 
 class DormantStreams:
@@ -61,15 +72,15 @@ class DormantStreams:
         kept = self._kept.get(label)
         if kept is None or not kept.subscription.active:
             generator = self._gateway.network.find(self._gateway.local(label))
-            if generator is None or len(self._kept) >= MOST:
+            if generator is None or not _has_room([each.owner for each in self._kept.values()], waiting.by):
                 return False
             if (generator.subscriptions or generator.owner is None) and generator.history.get_size():
                 return False
             kept = self._kept[label] = ActivatedStream(
-                generator.subscribe(Policy(), lambda sample: self._take(label, sample))
+                generator.subscribe(Policy(), lambda sample: self._take(label, sample)), owner=waiting.by.owner
             )
         kept.due_us = now_us + AWAKE_US
-        waits = query.op == "latest" and len(kept.waiting) < MOST
+        waits = query.op == "latest" and _has_room([each.by.owner for each in kept.waiting], waiting.by)
         if waits:
             kept.waiting.append(waiting)
         self._due.set(label, now_us + PATIENCE_US if kept.waiting else kept.due_us)

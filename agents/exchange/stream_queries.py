@@ -115,6 +115,7 @@ class StreamQueries(Part):
             waiting = PendingQuery(
                 lambda at_us: self._respond(act, query, at_us),
                 lambda why, at_us: self._agent.answer(act, Performative.FAILURE, Reason(text=why), at_us),
+                self._agent.acts.share_of(act.sender.unit),
             )
             if not self._dormant.activate(query, label, waiting, now_us):
                 raise
@@ -175,7 +176,8 @@ class StreamQueries(Part):
         try:
             gathering.answers[self._unit] = self._local(query, query.semantic_label, now_us)
         except ValueNotAvailable as absent:
-            if self._dormant.activate(query, query.semantic_label, PendingQuery(on_sample, on_silence), now_us):
+            waiting = PendingQuery(on_sample, on_silence, self._agent.acts.share_of(gathering.act.sender.unit))
+            if self._dormant.activate(query, query.semantic_label, waiting, now_us):
                 gathering.waiting.add(self._unit)
             else:
                 gathering.missing[self._unit] = str(absent)

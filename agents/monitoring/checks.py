@@ -12,8 +12,8 @@ from agents.admission.admission import reason_of
 from agents.exchange.gateway import Gateway
 from agents.exchange.label_agreements import LabelAgreements
 from agents.interface import InterfaceAgent
-from agents.monitoring.formula_reading import FormulaReading
 from agents.monitoring.reasons import because
+from agents.monitoring.text_reading import TextReading
 from agents.part import Part
 from agents.tasks.life import TaskLife
 from agents.tasks.requests import CHECK_FORMULA, LATER, WHEN
@@ -25,7 +25,7 @@ from federation.members.deadlines import Deadlines
 from federation.messages.acts import Act, Performative
 from federation.messages.contents import CheckFormula, Reason, Verdict, When, read
 from federation.messages.contents.parts import MAX_LIST
-from kpl import Instance, print_specification
+from kpl import Instance, parse_formula, print_specification
 from kpl.checking.needs import domains_of
 from kpl.running.asking import read_over
 from kpl.running.formula_states import FormulaState, FormulaStates
@@ -163,14 +163,14 @@ class Checks(Part):
         """Read a formula, a long one in a worker, and then do the rest; raises what is wrong with it, or answers that later."""
         conversation = act.conversation_id or ""
 
-        def go_on(reading: FormulaReading, at_us: int) -> None:
+        def go_on(reading: TextReading[Formula], at_us: int) -> None:
             try:
-                formula = read_over(self._instance, text, reading.formula)
+                formula = read_over(self._instance, text, reading.result)
             except TextError as wrong:
                 raise ContentError(str(wrong)) from None
             then(formula, at_us)
 
-        def on_parsed(reading: FormulaReading, federation_us: int) -> None:
+        def on_parsed(reading: TextReading[Formula], federation_us: int) -> None:
             if self._parsing.pop(conversation, None) is not act:
                 return
             at_us = self._clock.wall_us(federation_us)
@@ -183,7 +183,7 @@ class Checks(Part):
 
         if conversation in self._parsing:
             raise Refused(f"conversation {conversation} is about another formula")
-        reading = FormulaReading(text, on_parsed)
+        reading = TextReading(text, parse_formula, on_parsed)
         if reading.begin(self._gateway.network.calls):
             self._parsing[conversation] = act
         else:

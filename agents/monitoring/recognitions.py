@@ -4,12 +4,14 @@ from itertools import count
 from typing import NamedTuple
 
 from agents.actions import COORDINATION, SUBSCRIBED, Action, Offer
+from agents.admission.admission import reason_of
 from agents.exchange.label_agreements import LabelAgreements
 from agents.interface import InterfaceAgent
+from agents.monitoring.text_reading import TextReading
 from agents.part import Part
 from agents.tasks.life import TaskLife
 from dyknow import US_PER_S, Label, Network, Predicted
-from dyknow.model.errors import ChronicleError, Refused
+from dyknow.model.errors import ChronicleError, ContentError, DyknowError, Refused
 from dyknow.model.instants import US_PER_MS
 from federation.members.clock import FederationClock
 from federation.members.deadlines import Deadlines
@@ -20,9 +22,11 @@ from kpl.checking.error_collector import shortened
 from kpl.running.chronicle_streams import MAX_DELAY_US
 from kpl.running.chronicle_watch import ChronicleWatch, PartialWatch
 from reasoning.chronicles import ChronicleInstance, Partial, Recogniser, RecognitionLimits
+from reasoning.chronicles.definition.model import ChronicleFile
 
 TIMEOUT_S = 60.0
-MOST = 4
+MOST, MOST_OF_ONE = 16, 2
+"""Requests for chronicles: of all members, and of one."""
 MOST_TOLD = 10_000
 LIMITS = RecognitionLimits(events=100_000, events_of_one_binding=1_000, waiting=10_000, found_at_once=1_000)
 
@@ -52,6 +56,7 @@ class Recognitions(Part):
         self._agreements = agreements
         self._clock, self._agent, self._network, self._tasks = clock, agent, network, tasks
         self._open: dict[str, Open] = {}
+        self._parsing: dict[str, Act] = {}
         self._deadlines: Deadlines[str] = Deadlines()
 
     @property
@@ -66,17 +71,40 @@ class Recognitions(Part):
             Refused: it cannot be recognised, or too many chronicles are watched for.
         """
         conversation = self._tasks.check_free(act.conversation_id, act.sender.unit)
-        if conversation in self._open:
+        if conversation in self._open or conversation in self._parsing:
             raise Refused(f"conversation {conversation} is about other chronicles")
-        if len(self._open) >= MOST:
-            raise Refused(f"{MOST} watch for chronicles here already; wait for one to end")
-        found = parse_chronicles(content.text)
-        if not found.chronicles:
-            raise Refused("there is no chronicle in the text")
-        try:
-            Recogniser.of(found)
-        except ChronicleError as wrong:
-            raise Refused(str(wrong)) from None
+        self._check_room(act.sender.unit)
+
+        def on_parsed(reading: TextReading[ChronicleFile], federation_us: int) -> None:
+            if self._parsing.pop(conversation, None) is not act:
+                return
+            at_us = self._clock.wall_us(federation_us)
+            try:
+                self._watch(act, content, reading.result or _read(content.text), at_us)
+            except ContentError as wrong:
+                self._agent.answer(act, Performative.NOT_UNDERSTOOD, reason_of(wrong), at_us)
+            except DyknowError as wrong:
+                self._agent.answer(act, Performative.REFUSE, reason_of(wrong), at_us)
+
+        reading = TextReading(content.text, _read, on_parsed)
+        if reading.begin(self._network.calls):
+            self._parsing[conversation] = act
+        else:
+            self._watch(act, content, _read(content.text), now_us)
+
+    def _check_room(self, unit: str) -> None:
+        share_of = self._agent.acts.share_of
+        owner, shares = share_of(unit)
+        senders = [each.act.sender.unit for each in self._open.values()]
+        senders += [each.sender.unit for each in self._parsing.values()]
+        of_one = sum(share_of(each).owner == owner for each in senders)
+        if len(senders) >= MOST or of_one >= MOST_OF_ONE * shares:
+            text = f"{len(senders)} watch for chronicles here, {of_one} of {owner}; wait for one to end"
+            raise Refused(text, "too-many-checks")
+
+    def _watch(self, act: Act, content: Recognise, found: ChronicleFile, now_us: int) -> None:
+        """Agree, and watch for them from now on."""
+        conversation = act.conversation_id or ""
         delay_us = MAX_DELAY_US if content.delay_s is None else round(content.delay_s * US_PER_S)
         network, numbers = self._network, count(1)
 
@@ -122,6 +150,10 @@ class Recognitions(Part):
     def on_lost(self, act: Act, _now_us: int) -> bool:
         """The requester no longer wants to know."""
         conversation = act.conversation_id or ""
+        parsing = self._parsing.get(conversation)
+        if parsing is not None and parsing.sender.unit == act.sender.unit:
+            del self._parsing[conversation]
+            return True
         watch = self._open.get(conversation)
         if watch is None or watch.act.sender.unit != act.sender.unit:
             return False
@@ -140,6 +172,23 @@ class Recognitions(Part):
             found.partials.cancel()
         found.watch.cancel()
         return found
+
+
+def _read(text: str) -> ChronicleFile:
+    """The chronicles of a text.
+
+    Raises:
+        TextError: it is wrong, and where.
+        Refused: they cannot be recognised.
+    """
+    found = parse_chronicles(text)
+    if not found.chronicles:
+        raise Refused("there is no chronicle in the text")
+    try:
+        Recogniser.of(found)
+    except ChronicleError as wrong:
+        raise Refused(str(wrong)) from None
+    return found
 
 
 def _said(instance: ChronicleInstance, prediction: Predicted | None) -> Recognised:

@@ -381,8 +381,7 @@ class TaskLife(Part):
 
     def on_lost(self, act: Act, now_us: int) -> bool:
         """Tasks of a command centre persist; an export for a platform waits as long as its receivers do."""
-        conversation = act.conversation_id or ""
-        task = self.get(conversation)
+        task = self.get(conversation := act.conversation_id or "")
         if task is None or task.initiator != act.sender.unit:
             return False
         if task.is_part and task.name == CreateMulticast.head:

@@ -23,8 +23,8 @@ from federation.messages.receipts import (
     encode_signed,
     signed_bytes,
 )
-from federation.security.shares import own_share
 from federation.security.trust import Trust
+from federation.shares import own_share
 from federation.transport import Arrived, Put
 
 P = Performative

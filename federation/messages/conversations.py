@@ -21,7 +21,7 @@ from federation.messages.contents import Progress
 from federation.messages.delivery import Delivery
 from federation.messages.receipts import Receipt, encode_receipt
 from federation.messages.sexpr import Expr, QuotedText
-from federation.security.shares import Share, own_share
+from federation.shares import MemberShare, own_share
 from federation.transport import Put
 
 P = Performative
@@ -59,7 +59,7 @@ class Conversations:
         boot: int,
         encode: Callable[[Act], bytes] = encode_act,
         receipt_bytes: Callable[[str, Receipt], bytes] = lambda _receiver, receipt: encode_receipt(receipt),
-        share_of: Callable[[str], Share] = own_share,
+        share_of: Callable[[str], MemberShare] = own_share,
     ) -> None:
         self.unit, self.boot, self._share_of = unit, boot, share_of
         self.delivery = Delivery(unit, boot, encode, receipt_bytes)

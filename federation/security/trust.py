@@ -17,7 +17,7 @@ from dyknow.model.toml_texts import tables_of
 from federation import keys
 from federation.messages.acts import Act
 from federation.messages.codec import Signature
-from federation.security.shares import COMMANDING, Share
+from federation.shares import COMMANDING, MemberShare
 
 if TYPE_CHECKING:
     from cryptography.hazmat.primitives.asymmetric.ed25519 import Ed25519PublicKey
@@ -394,12 +394,12 @@ class Trust:
         """Whose keys count now."""
         return self.verifier.roster
 
-    def share_of(self, unit: str) -> Share:
+    def share_of(self, unit: str) -> MemberShare:
         """That of the member of the roster behind a name: `obs-1`, `obs-2` ... use what `obs` has."""
         member = self.roster.member(unit)
         if member is None:
-            return Share(unit, 1)
-        return Share(member.unit, COMMANDING if member.role == "command-centre" else 1)
+            return MemberShare(unit, 1)
+        return MemberShare(member.unit, COMMANDING if member.role == "command-centre" else 1)
 
     @staticmethod
     def of(

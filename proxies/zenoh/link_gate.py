@@ -102,7 +102,7 @@ class LinkGate:
             self._close_surplus(name, MOST_OF_ONE)
 
     def _close_surplus(self, name: str, most: int) -> None:
-        """Close the oldest of too many links with one certificate, at most so many."""
+        """Close the oldest of too many links with one certificate, at most `most` now."""
         with self._lock:
             of_one, member = self._of_one.get(name, {}), self._admitted.get(name)
             surplus = max(0, len(of_one) - (LINKS[member.role] if member is not None else 0))

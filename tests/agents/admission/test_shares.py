@@ -5,10 +5,11 @@ from hashlib import sha256
 import pytest
 
 from agents.admission.limits import ACTS_BURST
+from agents.exchange.dormant import MOST_OF_ONE as WAITING
 from agents.subscribers import OF_ONE as FOLLOWED
 from agents.tasks.life import OF_ONE
 from federation.messages.acts import Performative
-from federation.messages.contents import ActList, Acts, Alarms, CheckFormula, MonitorProximity, Reason
+from federation.messages.contents import ActList, Acts, Alarms, CheckFormula, MonitorProximity, Query, Reason
 from federation.security.trust import Role, Roster, RosterMember, Signer, Trust
 from tests.agents.rosters import trust
 from tests.box import EPOCH, Box, Question, Vehicle
@@ -108,3 +109,12 @@ def test_acts_that_end_parts_are_counted_by_member(by_names: Box) -> None:
     by_names.run(0.5)
     assert not any(containment.is_heard(unit) for unit in names("obs"))
     assert containment.is_heard("1")
+
+
+def test_queries_that_wait_for_a_stream_have_a_share_of_each_member(by_names: Box) -> None:
+    waiting = [by_names.question(unit, "0", Query(semantic_label="battery"), P.QUERY_REF) for unit in names("obs") * 6]
+    others = [by_names.question(unit, "0", Query(semantic_label="battery"), P.QUERY_REF) for unit in ("1", "cc")]
+    by_names.run(0.3)
+    assert [each.performatives for each in others] == [[], []], "they wait"
+    assert [each.performatives for each in waiting].count([]) == WAITING
+    by_names.run(1.5)

@@ -2,10 +2,11 @@
 
 from agents.effects import Computed
 from agents.monitoring.checks import MOST_CHECKS_OF_ONE, Checks
-from agents.monitoring.formula_reading import LONG
+from agents.monitoring.recognitions import MOST_OF_ONE
+from agents.monitoring.text_reading import LONG
 from dyknow.network.process import Work
 from federation.messages.acts import Performative
-from federation.messages.contents import CheckFormula, Reason, Verdict
+from federation.messages.contents import CheckFormula, Reason, Recognise, Verdict
 from tests.agents.rosters import trust
 from tests.box import Box, Question, Vehicle
 
@@ -94,3 +95,42 @@ def test_one_member_checks_a_limited_number_of_formulas_and_others_still_can() -
     assert codes == ["too-many-checks"] * 2
     assert check(box, "altitude[self] > 1", by="cc").performatives[0] is P.AGREE
     workers.finish()
+
+
+CHRONICLE = (
+    "chronicle climbs[?uav] {\n    event(altitude[?uav]:(?from, ?to), t1)\n}\n" + "# a remark that makes it long\n" * 20
+)
+assert len(CHRONICLE) > LONG
+
+
+def watch(box: Box, text: str = CHRONICLE, by: str = "1") -> Question:
+    return box.asked(by, "0", Recognise(text=text, timeout_s=2.0), P.SUBSCRIBE)
+
+
+def test_long_chronicles_are_read_in_a_worker_and_count_for_the_member_that_asks() -> None:
+    for works in (True, False):
+        box, workers = begun()
+        asked = [watch(box) for _ in range(MOST_OF_ONE + 1)]
+        assert len(workers.held) == MOST_OF_ONE
+        assert [each.performatives for each in asked] == [[]] * MOST_OF_ONE + [[P.REFUSE]]
+        wrong = watch(box, CHRONICLE + "chronicle", by="cc")
+        of_centre = watch(box, by="cc")
+        workers.finish(works=works)
+        box.run(0.5)
+        assert [each.performatives for each in asked[:-1]] == [[P.AGREE]] * MOST_OF_ONE
+        assert (wrong.performatives[0] in {P.REFUSE, P.NOT_UNDERSTOOD}, of_centre.performatives) == (True, [P.AGREE])
+        box.run(3)
+
+
+def test_chronicles_that_are_cancelled_while_they_are_read_do_not_begin() -> None:
+    box, workers = begun()
+    asked = watch(box)
+    box.cancel("1", "0", asked.conversation)
+    box.run(0.2)
+    workers.finish()
+    box.run(0.2)
+    assert P.AGREE not in asked.performatives
+    assert watch(box, by="1").performatives == []
+    assert len(workers.held) == 1, "its place is free again"
+    workers.finish()
+    box.run(3)

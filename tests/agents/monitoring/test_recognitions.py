@@ -3,7 +3,7 @@
 import pytest
 
 from agents.config import PlatformConfig
-from agents.monitoring.recognitions import MOST, Recognitions
+from agents.monitoring.recognitions import MOST_OF_ONE, Recognitions
 from dyknow import prototypes_in, source
 from federation.messages.acts import Performative
 from federation.messages.contents import Expected, Reason, Recognise, Recognised
@@ -104,10 +104,15 @@ def test_what_cannot_be_recognised_is_refused_in_words(world, text, said):
     assert running(world) == []
 
 
-def test_there_are_no_more_than_so_many(world):
-    dialogues = [ask(world) for _ in range(MOST + 1)]
+def test_one_member_watches_for_no_more_than_a_few_and_leaves_room_for_others(world):
+    world.add_command_centre("cc")
     world.run_for(1)
-    assert [dialogue.said[0][0].performative.value for dialogue in dialogues] == ["agree"] * MOST + ["refuse"]
+    dialogues = [ask(world) for _ in range(MOST_OF_ONE + 1)]
+    world.run_for(1)
+    assert [dialogue.said[0][0].performative.value for dialogue in dialogues] == ["agree"] * MOST_OF_ONE + ["refuse"]
+    other = world.ask("cc", "1", Recognise(text=TURN, timeout_s=8.0), Performative.SUBSCRIBE)
+    world.run_for(1)
+    assert other.said[0][0].performative.value == "agree", "there is room for others"
 
 
 def test_what_may_become_an_instance_is_told_as_it_begins_and_when_it_is_over(world):

@@ -6,13 +6,13 @@ COMMANDING: Final = 16
 """Shares of a command centre: several of its commands run at once, and its texts are long."""
 
 
-class Share(NamedTuple):
+class MemberShare(NamedTuple):
     """Under which name the use of what is limited is counted, and how many shares that has."""
 
     owner: str
     shares: int
 
 
-def own_share(unit: str) -> Share:
+def own_share(unit: str) -> MemberShare:
     """Without a roster each name counts by itself."""
-    return Share(unit, 1)
+    return MemberShare(unit, 1)
