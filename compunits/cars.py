@@ -68,7 +68,7 @@ class SeenTogether:
     def __call__(self, _now_us: int, state: Sample) -> Value:
         value = state.value
         is_shown = isinstance(value, tuple) and any(each is True for each in value[-2:])
-        return value if is_shown else None
+        return value if is_shown and is_sound(value) else None
 
 
 class _Trend:

@@ -3,10 +3,10 @@
 import math
 from abc import ABC, abstractmethod
 from collections import deque
-from typing import Any, Final, TypeAlias
+from typing import Final, TypeAlias
 
 from compunits.cars import CAR, ROAD_RELATIONS, offset_of, relations_of
-from compunits.numeric import positive
+from compunits.numeric import numbers_of, positive
 from compunits.smoothing import StableFields
 from dyknow import NO_VALUE, SURE, US_PER_S, Field, Quality, Sample, Sort, Value, computational_unit
 from dyknow.model.sample import oldest
@@ -203,13 +203,11 @@ class StableFollowing(StablePair):
 
 def _between(before: Sample, after: Sample, valid_us: int) -> Sample:
     """The later sample at an earlier time, with the place there; its place alone if one of the two has none."""
-    share = (valid_us - before.valid_us) / (after.valid_us - before.valid_us)
-    try:
-        place: tuple[Any, ...] = tuple(
-            was + share * (new - was) for was, new in zip(before.value[_XY], after.value[_XY], strict=True)
-        )
-    except TypeError:
+    was, new = (numbers_of(each.value[_XY], 2) if isinstance(each.value, tuple) else None for each in (before, after))
+    if was is None or new is None:
         return after
+    share = (valid_us - before.valid_us) / (after.valid_us - before.valid_us)
+    place = (was[0] + share * (new[0] - was[0]), was[1] + share * (new[1] - was[1]))
     return after._replace(
         value=(after.value[0], *place, *after.value[3:]), quality=_worse(before.quality, after.quality)
     )
