@@ -38,6 +38,7 @@ pytestmark = [
 S = 1_000_000
 SOURCES = {DATAFLASH: "GPS", PX4: "vehicle_gps_position"}
 WHOLE_S = 209.0  # the dataflash log's fixes
+TRIES, PAUSE_S = 3, 1.0  # a machine that stands still for two seconds makes a platform gone for a moment
 SKIPPED = 5  # estimates that a process skips which is late by 50 ms once, at ten times the speed
 
 
@@ -68,7 +69,12 @@ def ask_both(federation: Federated, flown: Flown) -> None:
             ("at", {"at_us": at_us}),
             ("between", {"from_us": at_us - 2 * S, "to_us": at_us}),
         ):
-            flown.answers[f"{unit} {op}"] = federation.ask(unit, Query(semantic_label=POSITION, op=op, **when))
+            question = Query(semantic_label=POSITION, op=op, **when)
+            for _ in range(TRIES):
+                answers = flown.answers[f"{unit} {op}"] = federation.ask(unit, question)
+                if any(isinstance(each, Samples) for each in answers):
+                    break
+                federation.wait_for(lambda: False, PAUSE_S)
 
 
 def as_offline(flown: Flown, a: str, b: str, least: int) -> None:
