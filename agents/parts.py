@@ -222,7 +222,7 @@ class Ports:
 
     @property
     def share_of(self) -> Callable[[str], MemberShare]:
-        """Under which name a unit's use of what is limited is counted, and how many shares that has."""
+        """The member whose quota a unit uses, and how many shares of it that member has."""
         return self.agent.acts.share_of
 
     def offered(self) -> list[Service]:

@@ -7,7 +7,7 @@ COMMANDING: Final = 16
 
 
 class MemberShare(NamedTuple):
-    """Under which name the use of what is limited is counted, and how many shares that has."""
+    """The member whose quota is used, and how many shares of it that member has."""
 
     owner: str
     shares: int

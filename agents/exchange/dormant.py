@@ -68,7 +68,7 @@ class DormantStreams:
         return self._due.next_us
 
     def activate(self, query: StreamQuery, label: str | Label, waiting: PendingQuery, now_us: int) -> bool:
-        """Keep the stream from now on, if nothing is held of it; whether the query will be answered by what comes."""
+        """Subscribe to the stream if it has no sample; returns whether its first sample will answer the query."""
         kept = self._kept.get(label)
         if kept is None or not kept.subscription.active:
             generator = self._gateway.network.find(self._gateway.local(label))

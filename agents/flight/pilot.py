@@ -302,7 +302,7 @@ class Pilot(HeardVehicle):
         self.mission = self.awaited.joins(name)
 
     def end_mission(self, *, is_over: bool = True) -> None:
-        """No mission has the vehicle; what was ordered last stands."""
+        """The mission gives the vehicle back; the last order stands."""
         self.awaited.leaves(self.mission, is_over=is_over)
         self.mission = MissionClaim()
 

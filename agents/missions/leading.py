@@ -194,7 +194,10 @@ class MissionLeading(Part):
             raise Refused("the origin of places is not known", "no-origin")
         timeout_us = min(round(content.timeout_s * 1e6), LONGEST_SEARCH_US)
         chain = content.chain or (act.sender.unit,)
-        self._lead(MissionOrder(content.mission, act, conversation, chain, timeout_us, plan), texts, frame, now_us)
+        is_centre = self._authority.is_centre(act.sender.unit)
+        permit = None if is_centre else self._performing.permits.of(content.mission, now_us)
+        order = MissionOrder(content.mission, act, conversation, chain, timeout_us, plan, permit=permit)
+        self._lead(order, texts, frame, now_us)
 
     @property
     def led(self) -> Mapping[str, LedMission]:
@@ -323,16 +326,21 @@ class MissionLeading(Part):
         return min((led.deadline_us for led in self._led.values()), default=None)
 
     def on_time(self, now_us: int) -> None:
-        for name, led in list(self._led.items()):
-            act, permits = led.order.act, self._performing.permits
-            if not led.order.continues and permits.of(name, now_us) is not None:
-                try:
-                    permits.check(name, act.sender.unit, act.boot, now_us)
-                except Refused as refused:  # one that may lead before the platform which had it flown is back
-                    led.is_passed_on = True
-                    led.end(refused.reason, now_us)
-                    continue
-            led.on_time(now_us)
+        for led in list(self._led.values()):
+            if self._is_due(led, now_us):
+                led.on_time(now_us)
+
+    def _is_due(self, led: LedMission, now_us: int) -> bool:
+        """Whether the platform that had it flown may lead it still; when one before that is back, it ends here."""
+        order = led.order
+        if order.permit is not None:
+            try:
+                self._authority.check_leads(order.permit, order.act.sender.unit, order.act.boot, now_us)
+            except Refused as refused:
+                led.is_passed_on = True
+                led.end(refused.reason, now_us)
+                return False
+        return True
 
     # -- what missions need ------------------------------------------------------------------------------------
 

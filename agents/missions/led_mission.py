@@ -12,6 +12,7 @@ from agents.missions.locating import Locating, UnitSights
 from agents.missions.looking import FIRST_LOOK, EffectLooks
 from agents.missions.mission_texts import ActionCommands, MissionTexts, texts_of, with_initial
 from agents.missions.sensing import UnitSensors
+from agents.tasks.authority import TaskEvidence
 from dyknow import Value
 from dyknow.model.errors import Refused
 from federation.messages.acts import Act
@@ -62,6 +63,7 @@ class MissionOrder:
     Attributes:
         plan: the one that was consented to, if one was proposed.
         continues: why this platform leads it from its middle on; empty: it begins.
+        permit: by which the one that had it flown may lead it, also when that has run out; None: that is a command centre.
     """
 
     name: str
@@ -71,6 +73,7 @@ class MissionOrder:
     timeout_us: int
     plan: MissionPlan | None = None
     continues: str = ""
+    permit: TaskEvidence | None = None
 
 
 class LedMission:

@@ -15,7 +15,7 @@ class TextReading(Generic[T]):
     """One text that is parsed; `on_parsed` is called, once, when it is (federation time).
 
     Attributes:
-        parsed: what it is; None: it is parsed where it is used, as when a journal is replayed.
+        parsed: the result or the error of the worker; None: there is no worker, as in a replayed journal, and the user of the text parses it.
     """
 
     def __init__(

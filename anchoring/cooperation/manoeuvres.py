@@ -48,7 +48,7 @@ _HOLDS: Final[Mapping[EventKind, Mapping[str, bool]]] = {
     "comes-close": {"close": True},
     "goes-away": {"close": False},
 }
-"""What is so from each event on."""
+"""The relations that begin with each event."""
 
 
 class PairRelation(NamedTuple):

@@ -5,12 +5,13 @@ from typing import Any, Final
 
 from console.web.rows import text
 from console.web.wishes import Done
-from dyknow.model.errors import DyknowError, FederationFailed, NothingFound, WrongCall
+from dyknow.model.errors import DyknowError, FederationFailed, WrongCall
 from federation.messages.acts import Performative
 from federation.messages.contents import AnswerQuestion, ControlMission
 from federation.messages.dialogue import Dialogue
 from runtime.client import Client, Job, Wait
-from runtime.library.jobs import begin_task, failure_of, running_already, tasks
+from runtime.library.jobs import begin_task, failure_of, running_already
+from runtime.library.listings import cancel
 from runtime.library.missions import abort_mission
 
 ANSWER_S: Final = 3.0
@@ -53,15 +54,8 @@ def _delegate(client: Client, task: str, to: str | None, values: Mapping[str, st
 
 
 def _cancel(client: Client, conversation: str) -> Job[Done]:
-    there = client.pick(None)
-    found = [unit for unit, task in (yield from tasks(client, there)) if task.conversation == conversation]
-    if not found:
-        raise NothingFound("no platform has this task now.")
-    ends = [client.cancel(unit, conversation) for unit in found]
-    yield Wait(lambda: all(end.over for end in ends), ANSWER_S)
-    if all(end.trouble or not end.said for end in ends):
-        raise failure_of(ends[0], "no answer in time")
-    return {"said": f"ended on platform {', '.join(found)}"}
+    ends = yield from cancel(client, conversation)
+    return {"said": f"ended on platform {', '.join(end.unit for end in ends)}"}
 
 
 def _control(client: Client, unit: str, content: Callable[[], AnswerQuestion | ControlMission]) -> Job[Done]:

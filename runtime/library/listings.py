@@ -5,6 +5,7 @@ from typing import Any, NamedTuple
 
 from dyknow.model.errors import NothingFound, WrongCall
 from federation.messages.contents import ActList, ActLog, ObjectList, TaskEntry
+from federation.messages.dialogue import Dialogue
 from runtime.client import Client, Job, Wait
 from runtime.library import jobs
 
@@ -52,14 +53,20 @@ def conversation_of(client: Client, beginning: str) -> Job[list[tuple[str, str]]
     return [(unit, name) for unit, name in found if name == named[0]]
 
 
-def cancel(client: Client, conversation: str) -> Job[None]:
-    """End a task at each platform that has it; raises what `conversation_of` and `jobs.cancel` do."""
+def cancel(client: Client, conversation: str) -> Job[list[Dialogue]]:
+    """End a task at each platform that has it, and have the others know; returns the answers.
+
+    Raises:
+        NothingFound, WrongCall: as `conversation_of`.
+        Refused, FederationFailed: no platform ended it; why the first did not.
+    """
     ends = [client.cancel(unit, name) for unit, name in (yield from conversation_of(client, conversation))]
     yield Wait(lambda: all(end.over for end in ends), jobs.SET_UP_S + jobs.GRACE_S)
     failed = [end for end in ends if end.trouble is not None or not end.said]
     if len(failed) == len(ends):
         raise jobs.failure_of(failed[0], "no answer in time")
     client.over(ends[0].conversation)
+    return ends
 
 
 def objects(client: Client, unit: str | None, type_: str | None) -> Job[list[ListedObject]]:

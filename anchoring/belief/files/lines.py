@@ -7,8 +7,8 @@
     {"t_ms": 9000}
 
 Where the model has an origin, latitude and longitude may take the place of `position_m`, in all lines of a file; `altitude_m` is an
-attribute of the model as any other. What is observed of one thing is one line; `sensor` is optional where there is but one; `nothing` is a look in which nothing
-was seen; a time alone is no look: time passes until then. Lines are in the order of time. A line that cannot be used is left
+attribute that the model may have. Each observed thing has a line; `sensor` may be left out where there is one. `nothing` states that the
+sensor saw no thing at that time; a line with a time alone lets time pass. Lines are in the order of time. A line that cannot be used is left
 out, and reported with its number; so is a time that is far ahead of the lines before and after it.
 """
 

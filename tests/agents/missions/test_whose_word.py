@@ -145,15 +145,20 @@ def test_only_a_platform_that_the_permit_names_succeeds_a_leader_and_for_the_one
     assert may or not [each for _, each in flight.vehicles["0"].commands[sent:] if "GoTo" in type(each).__name__]
 
 
-def test_what_a_successor_has_flown_ends_when_the_one_before_it_is_back(flight: Flight) -> None:
+@pytest.mark.parametrize("has_run_out", [False, True])
+def test_what_a_successor_has_flown_ends_when_the_one_before_it_is_back(flight: Flight, has_run_out: bool) -> None:
     flight.permit("1", "2")
     flight.world.partition("1", ("0", "2", "cc"))
     flight.world.run_for(4.0)
     flight.ask("2", "0", FlyMission(mission="m1", domain=DOMAIN, problem=ONE), for_s=4.0)
     assert flight.performing.leader == "0"
+    if has_run_out:
+        flight.performing.permits.end("m1")  # as an hour later
     flight.world.heal("1", ("0", "2", "cc"))
     flight.world.run_for(10.0)
     assert not flight.performing.mission
+    if has_run_out:
+        return
     assert codes(flight.ask("1", "0", JoinMission(mission="m1")))[-1] == "inform"
 
 
