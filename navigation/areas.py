@@ -44,11 +44,15 @@ class Area:
         )
         spans = [max(each[at] for each in corners) - min(each[at] for each in corners) for at in (0, 1)]
         if len(corners) < 3 or max(spans) > LARGEST_DEG or abs(self._origin[0]) > 85:
-            raise Refused("an area has three corners at least, is a degree wide at most, and is not at a pole")
+            raise Refused(
+                "an area has three corners at least, is a degree wide at most, and is not at a pole", "no-area"
+            )
         self._scale = metres_per_degree(self._origin[0])
         polygon = shapely.Polygon([self._metres(each) for each in corners])
         if not polygon.is_valid or polygon.area < SMALLEST_M2:
-            raise Refused(f"the area is no polygon: {shapely.is_valid_reason(polygon)}, {polygon.area:.1f} m2")
+            raise Refused(
+                f"the area is no polygon: {shapely.is_valid_reason(polygon)}, {polygon.area:.1f} m2", "no-area"
+            )
         box = shapely.minimum_rotated_rectangle(polygon)
         sides = np.diff(np.array(box.exterior.coords)[:3], axis=0)
         east, north = sides[np.argmax(np.hypot(sides[:, 0], sides[:, 1]))]
@@ -71,7 +75,7 @@ class Area:
 
         total = sum(shares)
         if total <= 0:
-            raise Refused("there is no share to divide by")
+            raise Refused("there is no share to divide by", "no-area")
         low, bottom, high, top = self._turned.bounds
         cuts = [low - 1.0, *self._cuts(np.cumsum(shares)[:-1] / total), high + 1.0]
         pieces = []

@@ -31,11 +31,11 @@ class VehiclePart(Protocol):
 
 
 def _no_command(command: Command) -> None:
-    raise Refused(f"{type(command.order).__name__}: this platform has no vehicle that can be commanded")
+    raise Refused(f"{type(command.order).__name__}: this platform has no vehicle that can be commanded", "no-vehicle")
 
 
 def _no_fault(fault: InjectFault) -> None:
-    raise Refused(f"{fault.kind}: only simulated vehicles take faults")
+    raise Refused(f"{fault.kind}: only simulated vehicles take faults", "not-simulated")
 
 
 @dataclass(frozen=True)

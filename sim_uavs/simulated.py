@@ -68,5 +68,5 @@ def simulated(table: SimulatedVehicleConfig, ports: VehiclePorts) -> Vehicle:
 def _address(text: str) -> Peer:
     host, _, port = text.rpartition(":")
     if not host or not port.isdigit():
-        raise Refused(f"--gcs: got {text!r}, expected HOST:PORT, e.g. 127.0.0.1:14550")
+        raise Refused(f"--gcs: got {text!r}, expected HOST:PORT, e.g. 127.0.0.1:14550", "text")
     return host, int(port)

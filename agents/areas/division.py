@@ -168,7 +168,7 @@ class AreaDivision(Part):
         task = self._tasks.check_free(act.conversation_id, act.sender.unit)
         self._check_room(act.sender.unit)
         if not task.endswith(f".{self._unit}"):
-            raise Refused(f"{task} does not name {self._unit} as the platform that it was delegated to")
+            raise Refused(f"{task} does not name {self._unit} as the platform that it was delegated to", "unproven")
         divided = DividedArea(self._authority.delegated(act, content), content, _area(content.area))
         self.areas[task] = divided
         self._tasks.add(Task(task, act.sender.unit, DivideArea.head, partial(self._end, task), since_us=now_us))

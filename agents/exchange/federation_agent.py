@@ -89,7 +89,10 @@ class FederationAgent(Part):
         asker = act.sender.unit
         held = sum(len(task.contracts) for task in self._tasks.of(asker))
         if held + len(content.semantic_labels) > STREAMS_PER_PEER:
-            raise Refused(f"this platform exports {held} streams for {asker}; {STREAMS_PER_PEER} are the most")
+            raise Refused(
+                f"this platform exports {held} streams for {asker}; {STREAMS_PER_PEER} are the most",
+                "too-many-subscriptions",
+            )
         contracts = self.export(content, owner, now_us)
         entry = self._directory.entry(asker)
         is_part = entry is not None and entry.kind == "uav"
@@ -249,17 +252,19 @@ class FederationAgent(Part):
             Refused: it is not its own, or not what its hash says. PolicyError, TextError
         """
         if content.owner != act.sender.unit:
-            raise Refused(f"{act.sender.unit} announces a stream of {content.owner}")
+            raise Refused(f"{act.sender.unit} announces a stream of {content.owner}", "not-its-stream")
         policy = Policy.parse(content.policy)
         if policy.content_hash() != content.hash:
-            raise Refused(f"the hash of {content.policy!r} is {policy.content_hash()}, not {content.hash}")
+            raise Refused(
+                f"the hash of {content.policy!r} is {policy.content_hash()}, not {content.hash}", "wrong-hash"
+            )
         for label in content.semantic_labels:
             self._gateway.importer.expect(content.owner, label, content.hash, policy, now_us)
 
     def on_end_stream(self, act: Act, content: contents.EndStream, _now_us: int) -> None:
         """A platform ends a stream of its own; raises Refused if it is another's."""
         if content.owner != act.sender.unit:
-            raise Refused(f"{act.sender.unit} ends a stream of {content.owner}")
+            raise Refused(f"{act.sender.unit} ends a stream of {content.owner}", "not-its-stream")
         for label in content.semantic_labels:
             self._gateway.importer.end(content.owner, label, content.hash)
 

@@ -107,7 +107,7 @@ class Gateway:
             ValueNotAvailable: it lies before the history, whose start the message names.
         """
         if at_us > now_us:
-            raise Refused(f"not yet: {print_span(at_us - now_us)} in the future")
+            raise Refused(f"not yet: {print_span(at_us - now_us)} in the future", "not-yet")
         history = self.network.snapshot(self.local(semantic_label, unit))
         start_us = history.starts_us
         if start_us is not None and at_us < start_us:
@@ -126,7 +126,9 @@ class Gateway:
     ) -> list[Sample]:
         """All samples valid in [from, to], ordered by (valid, available), corrections included."""
         if from_us > to_us:
-            raise Refused(f"the interval is empty: it ends {print_span(from_us - to_us)} before it begins")
+            raise Refused(
+                f"the interval is empty: it ends {print_span(from_us - to_us)} before it begins", "empty-interval"
+            )
         history = self.network.snapshot(self.local(semantic_label, unit))
         start_us = history.starts_us
         if start_us is not None and from_us < start_us:

@@ -214,13 +214,13 @@ class GivingWay(Part):
     def _answer(self, partner: str, content: Avoid, now_us: int) -> list[Step]:
         own, other = self._pilot.fix, fix_of(self._gateway, partner)
         if own is None:
-            raise Refused("this platform does not know where it is")
+            raise Refused("this platform does not know where it is", "no-position")
         if content.climber not in {self._unit, partner} or set(content.units) != {self._unit, partner}:
-            raise Refused("the manoeuvre is not between the two of us")
+            raise Refused("the manoeuvre is not between the two of us", "not-a-participant")
         if not self._may_avoid:
-            raise Refused("this platform was told not to give way")
+            raise Refused("this platform was told not to give way", "exempt")
         if other is None:
-            raise Refused(f"this platform does not know where {partner} is")
+            raise Refused(f"this platform does not know where {partner} is", "no-position")
         if self._stands:
             raise Refused("the vehicle is on the ground or not armed", "grounded")
         leap = self._leap(partner, now_us)

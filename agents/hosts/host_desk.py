@@ -173,7 +173,7 @@ class HostDesk:
             names = {each.name for each in other.prototypes} if other.present else set()
             taken = next((each.name for each in host.prototypes if each.name in names), None)
             if taken is not None:
-                raise Refused(f"{taken!r} is offered by {other.name} already")
+                raise Refused(f"{taken!r} is offered by {other.name} already", "taken")
         for prototype in host.prototypes:
             if instance.prototypes.find(prototype.name) is not None:
                 raise PrototypeExists(prototype.name)

@@ -182,7 +182,7 @@ class Checks(Part):
                 self._agent.answer(act, Performative.REFUSE, reason_of(wrong), at_us)
 
         if conversation in self._parsing:
-            raise Refused(f"conversation {conversation} is about another formula")
+            raise Refused(f"conversation {conversation} is about another formula", "other-task")
         reading = TextReading(text, parse_formula, on_parsed)
         if reading.begin(self._gateway.network.calls):
             self._parsing[conversation] = act
@@ -192,7 +192,7 @@ class Checks(Part):
     def _begin(self, act: Act, formula: Formula, do: When | None, now_us: int) -> str:
         conversation = self._tasks.check_free(act.conversation_id, act.sender.unit)
         if conversation in self._open:
-            raise Refused(f"conversation {conversation} is about another formula")
+            raise Refused(f"conversation {conversation} is about another formula", "other-task")
         made = self._states_of(formula, act.sender.unit, partial(self._on_state, conversation))
         self._open[conversation] = Check(act, make_progression(formula, PERIOD_US), made, do)
         self._gateway.network.step(made)

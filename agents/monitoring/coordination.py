@@ -84,7 +84,7 @@ class Coordination(Part):
         conversation = self._life.check_free(act.conversation_id, act.sender.unit)
         if conversation in self._life.coordinated:
             leader = self._life.coordinated[conversation].leader
-            raise Refused(f"conversation {conversation} is about a task that {leader} leads")
+            raise Refused(f"conversation {conversation} is about a task that {leader} leads", "other-task")
         plans = self._plans.for_task(content.profile, _us(content.sample_period_s), _us(content.delay_s))
         evidence = self._authority.delegated(act, content)
         self._monitor(plans, conversation, now_us)
@@ -230,7 +230,7 @@ class Coordination(Part):
             Refused: unknown name, no evidence for the task, one that was cancelled here, or that another platform coordinates.
         """
         if content.profile is not None or content.parameters is not None:
-            raise Refused("a monitor is created by its name alone, without profile or parameters")
+            raise Refused("a monitor is created by its name alone, without profile or parameters", "contradiction")
         plan = self._plans.named(content.name, _us(content.sample_period_s), _us(content.delay_s))
         conversation = self._life.check_free(act.conversation_id, act.sender.unit)
         asker, task = act.sender.unit, content.task
@@ -256,7 +256,9 @@ class Coordination(Part):
         """
         asker, generation = act.sender.unit, content.generation or 1
         if content.coordinator not in {None, asker}:
-            raise Refused(f"a task's monitors are set up by its coordinator: {content.coordinator}, not {asker}")
+            raise Refused(
+                f"a task's monitors are set up by its coordinator: {content.coordinator}, not {asker}", "role"
+            )
         evidence = self._authority.proven(act, task, (contents.MonitorProximity,), now_us)
         try:
             self._life.check_claim(Claim(evidence, asker, act.boot, generation), now_us)

@@ -106,7 +106,7 @@ class PlanBook:
             Refused: a profile has the name.
         """
         if plan.name in self._profiles:
-            raise Refused(f"{plan.name} is a monitor that each platform knows already; another name is needed")
+            raise Refused(f"{plan.name} is a monitor that each platform knows already; another name is needed", "taken")
         self._declared[plan.name] = plan
 
         def forget() -> None:
@@ -125,7 +125,7 @@ class PlanBook:
         profile = self._profiles.get(name) if declared is None else declared.profile
         if profile is None:
             known = (*self._profiles, *self._declared)
-            raise Refused(f"no monitor is called {name!r} here.{did_you_mean(name, known)}")
+            raise Refused(f"no monitor is called {name!r} here.{did_you_mean(name, known)}", "unknown-monitor")
         profile = replace(
             profile,
             sample_us=profile.sample_us if period_us is None else period_us,
@@ -137,16 +137,18 @@ class PlanBook:
         try:
             formula = profile_formula(profile, self._unit)
         except DyknowError as wrong:
-            raise Refused(f"the formula of {name} does not read: {wrong}") from None
+            raise Refused(f"the formula of {name} does not read: {wrong}", "text") from None
         split = split_growing(formula)
         return MonitorPlan(profile, formula, None) if split is None else MonitorPlan(profile, split[2], split[0])
 
     def _check(self, profile: Profile) -> None:
         if profile.sample_us % self._grid_us or profile.sample_us <= 0:
             period, grid = print_duration(profile.sample_us), print_duration(self._grid_us)
-            raise Refused(f"a period of {period} is no multiple of {grid}, the period of this platform's estimates")
+            raise Refused(
+                f"a period of {period} is no multiple of {grid}, the period of this platform's estimates", "period"
+            )
         if profile.max_delay_us > MAX_DELAY_US:
-            raise Refused(f"a monitor waits for late samples {print_duration(MAX_DELAY_US)} at most")
+            raise Refused(f"a monitor waits for late samples {print_duration(MAX_DELAY_US)} at most", "too-long")
 
     def prepare(self) -> None:
         """Read what tasks usually take, so that the first one is not slowed by it."""

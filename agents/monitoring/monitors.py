@@ -117,7 +117,7 @@ class UnitMonitors:
             if known.plan != plan:
                 other = known.plan.describe()
                 what = f"with another formula, {other}" if other == plan.describe() else f"as {other}"
-                raise Refused(f"{plan.name} is monitored here already, {what}")
+                raise Refused(f"{plan.name} is monitored here already, {what}", "taken")
             known.owners.add(owner)
             return
         named = self.named[plan.name] = NamedMonitor(plan, {owner})
@@ -287,7 +287,7 @@ class UnitMonitors:
     def _begin(self, named: NamedMonitor, member: str, now_us: int) -> None:
         plan = named.plan
         if self._count >= MAX_INSTANCES:
-            raise Refused(f"this platform keeps {MAX_INSTANCES} monitors already")
+            raise Refused(f"this platform keeps {MAX_INSTANCES} monitors already", "too-many")
         key = (self.unit, member) if member else (self.unit,)
         maker = StateMaker(plan, member, self.unit)
         for label, unit in (*maker.shared, *maker.own):

@@ -72,7 +72,7 @@ class Recognitions(Part):
         """
         conversation = self._tasks.check_free(act.conversation_id, act.sender.unit)
         if conversation in self._open or conversation in self._parsing:
-            raise Refused(f"conversation {conversation} is about other chronicles")
+            raise Refused(f"conversation {conversation} is about other chronicles", "other-task")
         self._check_room(act.sender.unit)
 
         def on_parsed(reading: TextReading[ChronicleFile], federation_us: int) -> None:
@@ -183,11 +183,11 @@ def _read(text: str) -> ChronicleFile:
     """
     found = parse_chronicles(text)
     if not found.chronicles:
-        raise Refused("there is no chronicle in the text")
+        raise Refused("there is no chronicle in the text", "text")
     try:
         Recogniser.of(found)
     except ChronicleError as wrong:
-        raise Refused(str(wrong)) from None
+        raise Refused(str(wrong), "text") from None
     return found
 
 

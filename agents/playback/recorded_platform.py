@@ -107,7 +107,7 @@ class RecordedPlatform(Part):
         if known is None:
             self._agreements.define(label, now_us)
         elif known.sort != label.sort:
-            raise Refused(f"recorded it is of the sort {label.sort.name}, here {known}")
+            raise Refused(f"recorded it is of the sort {label.sort.name}, here {known}", "other-sort")
         local = self._translation.local_label(label.name, self._unit)
         if not self._network.has(local):
             self._network.add_source(local, self._translation.local_sort(label.name))

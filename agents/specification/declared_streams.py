@@ -38,7 +38,7 @@ class DeclaredStreams:
         held = self._held.get(carrier)
         if held is not None and isinstance(held.declaration, Import):
             owner = held.declaration.unit
-            raise Refused(f"{text} is imported from {owner}: ask {owner} for {held.declaration.semantic}")
+            raise Refused(f"{text} is imported from {owner}: ask {owner} for {held.declaration.semantic}", "imported")
         self._agreements.check_stream(unit, carrier)
         semantic = self._translation.semantic_label(carrier, self._unit)
         if semantic is not None:

@@ -84,7 +84,7 @@ class SpecificationChanges(Part):
         if not 0 <= number < len(held):
             raise Refused(
                 f"there is no configuration {number}; {len(held)} are kept, counted from 0" if held
-                else "this platform was given no specification"
+                else "this platform was given no specification", "unknown-number"
             )  # fmt: skip
         if content.form == "kpl":
             text = print_specification(held[number].specification)
@@ -141,7 +141,10 @@ class SpecificationChanges(Part):
         self._check_pace(act, now_us)
         number, held = content.number, self._instance.configurations
         if number >= len(held):
-            raise Refused(f"there are {len(held)} configurations, counted from 0; there is none of number {number}")
+            raise Refused(
+                f"there are {len(held)} configurations, counted from 0; there is none of number {number}",
+                "unknown-number",
+            )
         text = SourceText("", f"configuration {number}")
         self._change(act, held[number].specification, text, now_us)
 

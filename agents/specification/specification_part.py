@@ -307,7 +307,7 @@ class SpecificationPart(Part):
         if network.has(local):
             self._exported.pop(semantic, None)
             self._agreements.restrict(semantic, None)
-            raise Refused(f"{semantic} is the stream {local} here already, made by another; export that one")
+            raise Refused(f"{semantic} is the stream {local} here already, made by another; export that one", "taken")
         unit = converting(entry.sort, translation.to_local(semantic))
         network.add_process(
             local, translation.local_sort(semantic), RefinementProcess(unit, [Input(term.label, term.policy)])
@@ -325,7 +325,7 @@ class SpecificationPart(Part):
         if unit == CALLED:
             return self._calls.stream(semantic, term.label, term.policy)
         if unit == self._unit:
-            raise Refused(f"import {semantic} from {unit}: that is this platform; use its stream itself")
+            raise Refused(f"import {semantic} from {unit}: that is this platform; use its stream itself", "own-stream")
         policy = term.policy
         delay_us = MAX_DELAY_US if policy.max_delay_us is None else policy.max_delay_us
         need = (semantic, policy.sample_us or PERIOD_US, delay_us)
@@ -344,7 +344,7 @@ class SpecificationPart(Part):
         Returns how to forget it, and whether the instance has to run it: the formula is not over derived features alone.
         """
         if len(declaration.name) > LONGEST_NAME:
-            raise Refused(f"a monitor's name has at most {LONGEST_NAME} characters, got {len(declaration.name)}")
+            raise Refused(f"a monitor's name has {LONGEST_NAME} characters, no more: {declaration.name}", "too-long")
         features, others = features_of(self.instance, formula)
         split = split_growing(formula)
         if split is not None and split[1].base != OF_A_PLATFORM:
@@ -352,12 +352,11 @@ class SpecificationPart(Part):
         named = domains_of(formula if split is None else split[2])
         in_instance = not features or bool(others) or bool(named) or self._units.are_objects(formula)
         if features and declaration.policy.predict_us is not None:
-            raise Refused(f"{min(features)} does not change along a straight line: compare {PREDICTED}")
+            raise Refused(f"{min(features)} changes along no straight line: compare {PREDICTED}", "not-supported")
         if declaration.starts_avoidance and (in_instance or split is None):
-            raise Refused(
-                f"monitor {declaration.name} starts avoidance, so it is about pairs of platforms: write it as "
-                "always forall other in units - {self} growing: ... of xy_dist[self, other], z_dist[self, other], ..."
-            )
+            name, over = declaration.name, "xy_dist[self, other], z_dist[self, other], ..."
+            text = f"{name} starts avoidance: write always forall other in units - {{self}} growing: ... of {over}"
+            raise Refused(text, "not-supported")
         profile = declared_profile(declaration, sorted(features))
         if in_instance or split is None:
             plan = MonitorPlan(profile, formula, None, in_instance)

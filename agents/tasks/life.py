@@ -107,7 +107,7 @@ class TaskLife(Part):
         if not conversation:
             raise ContentError("what lasts needs a :conversation-id, in which it can be cancelled")
         if conversation in self._tasks:
-            raise Refused(f"conversation {conversation} is about another task; open one of your own")
+            raise Refused(f"conversation {conversation} is about another task; open one of your own", "other-task")
         owner, share_of = self._agent.acts.share_of(asker).owner, self._agent.acts.share_of
         of_one = [each for each in self._tasks.values() if share_of(each.initiator).owner == owner]
         parts, asked = (sum(each.is_part is kind for each in of_one) for kind in (True, False))

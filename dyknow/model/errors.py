@@ -271,13 +271,11 @@ class Refused(DyknowError):
 
     Attributes:
         reason: for users.
-        code: for programs, e.g. `led-by`; empty where nothing follows from it.
+        code: for programs, e.g. `led-by`; docs/errors.md has all of them.
         leader, generation: of the task, with `led-by`.
     """
 
-    def __init__(
-        self, reason: str, code: str = "", *, leader: str | None = None, generation: int | None = None
-    ) -> None:
+    def __init__(self, reason: str, code: str, *, leader: str | None = None, generation: int | None = None) -> None:
         self.reason, self.code, self.leader, self.generation = reason, code, leader, generation
         super().__init__(reason)
 

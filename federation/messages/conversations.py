@@ -109,7 +109,7 @@ class Conversations:
         if opens or performative is P.CANCEL:
             act = self._addressed(act, now_us)
         if opens and sum(name[1] == peer and name[2] for name in self._open) >= OPEN_PER_PEER:
-            raise Refused(f"{OPEN_PER_PEER} conversations with {peer} are open already")
+            raise Refused(f"{OPEN_PER_PEER} conversations with {peer} are open already", "too-many")
         said, put = self.delivery.send(act, now_us, patient=not opens)
         conversation = said.conversation_id or ""
         if opens:

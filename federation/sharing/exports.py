@@ -102,10 +102,10 @@ class Exports:
         """
         wanted = set(receivers)
         if not wanted:
-            raise Refused("a stream needs a receiver")
+            raise Refused("a stream needs a receiver", "no-receiver")
         name = (label, policy.content_hash())
         if contract in self._contracts and self._contracts[contract].stream != name:
-            raise Refused(f"contract {contract} is about another stream")
+            raise Refused(f"contract {contract} is about another stream", "other-task")
         export = self._exports.get(name)
         is_new = export is None or export.retired_us is not None
         if export is None:
@@ -277,7 +277,7 @@ class Exports:
             return
         retired = [(e.retired_us, name) for name, e in self._exports.items() if e.retired_us is not None]
         if not retired:
-            raise Refused(f"this platform exports {self._streams} streams already")
+            raise Refused(f"this platform exports {self._streams} streams already", "too-many")
         self._forget(min(retired)[1])
 
     def _forget(self, name: StreamName) -> None:

@@ -74,21 +74,24 @@ class Ontology:
             Refused: it is no definition, the name or its sort means something else here, or there are too many.
         """
         for message, repair in definition_errors(label):
-            raise Refused(f"{message}; write {repair}")
+            raise Refused(f"{message}; write {repair}", "other-sort")
         known = self._labels.get(label.name)
         if known == label:
             return False
         if known is not None:
-            raise Refused(f"{label.name} is {known} already ({known.place})")
+            raise Refused(f"{label.name} is {known} already ({known.place})", "taken")
         other = next((each for each in self._labels.values() if each.sort.name == label.sort.name), None)
         if other is not None and other.sort != label.sort:
-            raise Refused(f"the sort {label.sort.name} is {other.sort} already: of {other.name} ({other.place})")
+            raise Refused(
+                f"the sort {label.sort.name} is {other.sort} already: of {other.name} ({other.place})", "other-sort"
+            )
         own = (*self.own(), label)
         size = sum(len(each.name) + len(str(each)) for each in own)
         if len(own) > MAX_DEFINITIONS or size > MAX_OWN_CHARACTERS:
             raise Refused(
                 f"a platform has at most {MAX_DEFINITIONS} labels of its own, of {MAX_OWN_CHARACTERS} characters together; "
-                f"with {label.name} there are {len(own)}, of {size}"
+                f"with {label.name} there are {len(own)}, of {size}",
+                "too-many",
             )
         self._labels[label.name] = label
         return True

@@ -95,7 +95,7 @@ def ways_of(order: vehicle.Order, known: VehicleReports, target: Target) -> list
         Refused: the vehicle is not known well enough to command it.
     """
     if known.autopilot is None:
-        raise Refused("no vehicle heard")
+        raise Refused("no vehicle heard", "no-vehicle")
     px4 = known.autopilot == mavlink.MAV_AUTOPILOT_PX4
     match order:
         case vehicle.Arm(armed):
@@ -122,7 +122,7 @@ def ways_of(order: vehicle.Order, known: VehicleReports, target: Target) -> list
         case vehicle.HoldOrder():
             at = known.position
             if at is None or at.altitude_m is None:
-                raise Refused("the vehicle's position is unknown, it cannot hold it")
+                raise Refused("the vehicle's position is unknown, it cannot hold it", "no-position")
             here = vehicle.GoToOrder(at.latitude_deg, at.longitude_deg, at.altitude_m)
             return _point(here, known, target, takes_mode=False)
         case vehicle.GoToOrder() | vehicle.InterruptOrder():
@@ -140,9 +140,11 @@ def ways_of(order: vehicle.Order, known: VehicleReports, target: Target) -> list
 def _let_out_m(line_m: float, known: VehicleReports) -> float:
     """How much more of the line is to be out than is; raises Refused."""
     if not 0.0 <= line_m <= vehicle.LONGEST_LINE_M:
-        raise Refused(f"a line of {line_m:g} m cannot be out; 0 to {vehicle.LONGEST_LINE_M:g} m can")
+        raise Refused(f"a line of {line_m:g} m cannot be out; 0 to {vehicle.LONGEST_LINE_M:g} m can", "out-of-range")
     if known.winch is None or known.winch.line_m is None:
-        raise Refused("the vehicle does not say how much of a winch's line is out; has it a winch, and is it enabled?")
+        raise Refused(
+            "the vehicle does not say how much of a winch's line is out; has it a winch, and is it enabled?", "no-winch"
+        )
     return line_m - known.winch.line_m
 
 

@@ -47,7 +47,7 @@ class HostProcess:
             self._registration = host.registration()
             decode_from_host(encode(self._registration))
         except (ContentError, DecodeError) as wrong:
-            raise Refused(f"what the module offers cannot be registered: {wrong}") from None
+            raise Refused(f"what the module offers cannot be registered: {wrong}", "not-supported") from None
         self._going = True
         self._queue: SimpleQueue[Any] = SimpleQueue()
         self._lock = threading.Lock()
@@ -137,7 +137,9 @@ class HostProcess:
             message = decode_from_platform(came)
             steps = self._host.on_message(message)
         except DecodeError as wrong:
-            raise Refused(f"the platform is not understood ({wrong}): is it another version?") from None
+            raise Refused(
+                f"the platform is not understood ({wrong}): is it another version?", "other-version"
+            ) from None
         if isinstance(message, Begin):
             self._labels[message.process] = message.label
         for step in steps:
@@ -152,7 +154,7 @@ class HostProcess:
                 names = [each.name for each in said.units] + [each.name for each in said.sources if not each.label]
                 self._say({"event": "registered", "prototypes": names, "labels": list(step.labels)})
             case Refuse(reason):
-                raise Refused(reason)
+                raise Refused(reason, "not-registered")
             case Read():
                 self._read(step)
             case Want(process, grid):

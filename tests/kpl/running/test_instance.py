@@ -428,7 +428,7 @@ def test_a_definition_that_cannot_be_taken_in_leaves_its_monitors_as_they_were()
     class Refusing:
         def monitor(self, declaration, formula):
             if declaration.name == "late":
-                raise Refused("enough")
+                raise Refused("enough", "too-many")
             return lambda: None, True
 
     text = DEFINED.format("define LIMIT = 100", "always speed[u] < LIMIT")

@@ -57,6 +57,10 @@ def test_the_history_of_a_declared_stream_is_reset_and_that_of_the_vehicle_is_no
     assert after[0]["valid_us"] > before[-1]["valid_us"]
     [refused] = dyknow.run("query", "gas[self]", "--at", str(before[0]["valid_us"]), "--unit", "7", code=1)
     assert "before the first gas[7] that is held" in refused["error"]
+    with library.connect(dyknow.federation) as fed:
+        task = fed.delegate("reset", stream="gas[self]", to=7)
+        list(task.events)
+        assert task.state == "done"
 
 
 def test_a_request_waits_for_its_condition_and_what_is_not_done_so_is_refused(dyknow: Dyknow) -> None:
