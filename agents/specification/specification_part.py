@@ -344,7 +344,9 @@ class SpecificationPart(Part):
         Returns how to forget it, and whether the instance has to run it: the formula is not over derived features alone.
         """
         if len(declaration.name) > LONGEST_NAME:
-            raise Refused(f"a monitor's name has {LONGEST_NAME} characters, no more: {declaration.name}", "too-long")
+            raise Refused(
+                f"monitor: a name of at most {LONGEST_NAME} characters, got {len(declaration.name)}", "too-long"
+            )
         features, others = features_of(self.instance, formula)
         split = split_growing(formula)
         if split is not None and split[1].base != OF_A_PLATFORM:
@@ -355,8 +357,8 @@ class SpecificationPart(Part):
             raise Refused(f"{min(features)} changes along no straight line: compare {PREDICTED}", "not-supported")
         if declaration.starts_avoidance and (in_instance or split is None):
             name, over = declaration.name, "xy_dist[self, other], z_dist[self, other], ..."
-            text = f"{name} starts avoidance: write always forall other in units - {{self}} growing: ... of {over}"
-            raise Refused(text, "not-supported")
+            text = f"{name} starts avoidance, so it is about pairs of platforms: write it as always forall other in "
+            raise Refused(f"{text}units - {{self}} growing: ... of {over}", "not-supported")
         profile = declared_profile(declaration, sorted(features))
         if in_instance or split is None:
             plan = MonitorPlan(profile, formula, None, in_instance)
