@@ -391,8 +391,6 @@ class SpecificationPart(Part):
     def _need(self, unit: str, need: tuple[str, int, int], wanted: bool) -> None:
         self._keeper.need(unit, need, self._now_us(), wanted=wanted)
 
-    # What happens in the instance
-
     def _tell(self, record: Mapping[str, Any]) -> None:
         self._emit(Tell(record))
 
