@@ -8,6 +8,8 @@ from collections.abc import Callable, Iterator
 from dataclasses import replace
 from typing import Any, Final, NamedTuple
 
+from anchoring.links.specification import FROM
+from kpl.syntax import specification as spec
 from kpl.syntax.printing import print_formula
 from reasoning.formulas import tree
 
@@ -42,6 +44,29 @@ def remarks(
                 part = {"operand": meant} if isinstance(node, tree.Eventually) else {"body": meant}
                 message = f"this {name} holds as soon as the left side of its -> is false"
                 yield Remark(node, message, print_formula(replace(node, **part)))
+
+
+def withdrawn_and_back(link: spec.Link) -> Iterator[Remark]:
+    """An exclusive link whose `reestablish` does not ask what `establish` asks of `from`: withdrawn, it is back at once,
+    and the link that excludes it never begins.
+    """
+    if not link.options.exclusive:
+        return
+    asked, again = (
+        {
+            node.stem
+            for node in tree.walk(each)
+            if isinstance(node, tree.Feature) and tree.Variable(FROM) in node.objects
+        }
+        for each in (link.establish, link.reestablish)
+    )
+    missing = sorted(asked - again)
+    if missing:
+        message = (
+            f"reestablish asks nothing of {missing[0]}[{FROM}]: withdrawn for it, the link is back at once, and those "
+            f"with `exclusive {link.options.exclusive}` never begin"
+        )
+        yield Remark(link.reestablish, message, print_formula(tree.And((link.reestablish, link.establish))))
 
 
 def _measured(formula: tree.Formula) -> Iterator[tree.Feature]:

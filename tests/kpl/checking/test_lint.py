@@ -62,3 +62,30 @@ def test_a_monitor_is_warned_of_what_comes_from_a_source_as_it_is_not_of_what_is
     text = NOISY.format(feature)
     findings = check_specification(parse_specification(text), text=text)
     assert [one.line for one in findings.warnings if "wrong sample" in one.message] == ([5] if warned else [])
+
+
+KINDS = """sort seen(symbol in text, x_m in m, y_m in m, length_m in m)
+source seen camera
+strmgen world = camera
+strmgen car = link(world, SameState, always[0, 1s] length_m[from] < 7, {}, true) with exclusive kind
+"""
+
+
+@pytest.mark.parametrize(
+    ("again", "repair"),
+    [
+        (
+            "eventually[0, 1s] xy_dist[from, to] < 5",
+            "(eventually[0, 1s] xy_dist[from, to] < 5) and always[0, 1s] length_m[from] < 7",
+        ),
+        ("eventually[0, 1s] (xy_dist[from, to] < 5 and length_m[from] < 7)", None),
+    ],
+)
+def test_an_exclusive_link_that_would_be_back_at_once_is_warned_of(again, repair):
+    def warned(reestablish):
+        text = KINDS.format(reestablish)
+        every = check_specification(parse_specification(text), text=text).warnings
+        return [each.repair for each in every if "never begin" in each.message]
+
+    assert warned(again) == ([] if repair is None else [repair])
+    assert repair is None or warned(repair) == []
