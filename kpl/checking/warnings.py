@@ -62,7 +62,7 @@ def warnings_of(every: Sequence[spec.Declaration], symbols: SymbolTable, errors:
 
 
 def remarked(said: Iterable[Remark], errors: DeclarationErrors) -> list[TextError]:
-    """Remarks about formulas, located."""
+    """Warnings about formulas, each at its place."""
     return [errors.located(one.message, one.node, one.repair) for one in said]
 
 
