@@ -4,6 +4,7 @@ What is declared once for each member of a stream, or quantified over them, rang
 """
 
 import re
+from functools import lru_cache
 from typing import Final
 
 from dyknow.model.errors import SortError
@@ -73,6 +74,7 @@ class NamedMembers(tuple[str, ...]):
     __slots__ = ()
 
 
+@lru_cache(maxsize=2 * MAX_MEMBERS)
 def is_object_name(text: str) -> bool:
     """Whether formulas, labels and sets take it as the name of an object."""
     is_reserved = text in RESERVED and text not in {"from", "to"}

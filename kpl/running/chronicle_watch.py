@@ -248,12 +248,20 @@ class ChronicleWatch:
     # What happens
 
     def _on_sample(self, label: Label, sample: Sample) -> None:
+        if self._is_past(sample):
+            return
         self._count += 1
         prediction, parts = sample.quality.prediction, self._parts.get(label, ())
         queued = QueuedSample(sample.valid_us, self._count, label, sample.value, prediction, parts)
         heappush(self._waiting, queued)
         if (sample.available_us - self.delay_us) // US_PER_MS != self._clock_ms:
             self.on_time(sample.available_us)
+
+    def _is_past(self, sample: Sample) -> bool:
+        """Whether it is of the time before its stream was taken, as of a pair that begins with what was seen before; it was in time."""
+        clock_ms = self.recogniser.clock_ms
+        is_before = clock_ms is not None and sample.valid_us // US_PER_MS < clock_ms
+        return is_before and sample.available_us - sample.valid_us <= self.delay_us
 
     def _tell(self, event: QueuedSample, now_us: int) -> None:
         label, key = event.label, (event.label.feature, len(event.label.objects))

@@ -31,8 +31,8 @@ def chained(rows):
     return made
 
 
-def fused(rows):
-    unit, made = process("StableRelations"), []
+def fused(rows, **settings):
+    unit, made = process("StableRelations", **settings), []
     for at_ms, *values in rows:
         for i, value in enumerate(values):
             sample = None if value is None else unit.on_sample(i, at(at_ms, value), 1000 * at_ms)
@@ -51,7 +51,10 @@ def test_it_gives_what_the_chain_gives_of_cars_that_are_seen_together(seed):
         link = "l1" if rng.random() < 0.98 else "no_link"
         one = car("a", ahead_m + (20.0 + faster_m_s) * step / 10 + noise[0], side_m + noise[1], link)
         rows.append((100 * step, one, car("b", 2.0 * step + noise[2], noise[3])))
-    assert fused(rows) == chained(rows)
+    assert fused(rows, every_s=0.001) == chained(rows)
+    seldom = fused(rows)
+    assert min(np.diff([valid_us for valid_us, value in seldom if value is not NO_VALUE])) >= 200_000
+    assert len(seldom) < 0.6 * len(chained(rows))
 
 
 @pytest.mark.parametrize("seed", range(10))
@@ -86,7 +89,7 @@ def test_relations_end_a_second_after_one_of_both_was_seen_last(both):
 
 def test_what_rests_on_a_prediction_says_so():
     unit, made = process("StableRelations"), None
-    for step in range(12):
+    for step in range(11):
         at_ms = 100 * step
         quality = Quality(0.8, (), Predicted(500_000)) if step >= 6 else None
         unit.on_sample(0, at(at_ms, car("a", 0.0, 0.0)), 1000 * at_ms)

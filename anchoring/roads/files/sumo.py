@@ -33,6 +33,7 @@ def survey_sumo(text: str | bytes) -> RoadSurvey:
             edges.append((len(edges), element))
         elif element.tag == "junction" and element.get("type") != "internal":
             _add_junction(element, assembly, problems)
+    _end_at_stop_lines([element for _, element in edges], assembly)
     for index, element in edges:
         try:
             link = _link(element, assembly)
@@ -56,6 +57,24 @@ def _add_junction(element: Element, assembly: Assembly, problems: Problems) -> N
         return
     reach_m = max((math.hypot(x - x_m, y - y_m) for x, y in border), default=0.0)
     assembly.crossings[name] = (0, Crossing(name, x_m, y_m, min(max(reach_m, RADIUS_M[0]), RADIUS_M[1])))
+
+
+def _end_at_stop_lines(edges: Sequence[Element], assembly: Assembly) -> None:
+    """A crossing reaches to where the lanes of each of its edges end, not to its corners: what waits there is on its link."""
+    reaches_m: dict[str, float] = {}
+    for element in edges:
+        try:
+            forms = [_points(lane.get("shape", "")) for lane in element.iter("lane") if _for_cars(lane)]
+        except FeatureError:
+            continue
+        for name, at in ((element.get("from"), 0), (element.get("to"), -1)):
+            if name in assembly.crossings and any(forms):
+                crossing = assembly.crossings[name][1]
+                nearest_m = min(math.dist(form[at], (crossing.x_m, crossing.y_m)) for form in forms if form)
+                reaches_m[name] = max(nearest_m, reaches_m.get(name, RADIUS_M[0]))
+    for name, reach_m in reaches_m.items():
+        index, crossing = assembly.crossings[name]
+        assembly.crossings[name] = index, crossing._replace(radius_m=min(crossing.radius_m, reach_m))
 
 
 def _points(text: str) -> list[Point2]:

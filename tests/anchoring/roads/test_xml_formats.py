@@ -140,7 +140,9 @@ def test_edges_are_links_of_one_way_between_junctions() -> None:
     town = roads(sumo(edge(":B_0", "B", "B", more='function="internal"'), EAST, WEST, JUNCTIONS))
     assert list(town.links) == ["ab", "ba"]
     assert set(town.crossings) == {"A", "B"}
-    assert town.crossings["B"].radius_m == 5.0
+    assert town.crossings["B"].radius_m == pytest.approx(
+        math.hypot(4.0, 1.6)
+    )  # where lanes end, not its corners, at 5 m
     east, west = town.links["ab"], town.links["ba"]
     assert east.lanes == (Lane(pytest.approx(1.6), 1), Lane(pytest.approx(-1.6), 1))
     assert east.line.points == ((0, 0), (0, pytest.approx(-3.2)), (96, pytest.approx(-3.2)), (100, 0))

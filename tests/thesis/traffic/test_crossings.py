@@ -62,3 +62,13 @@ def test_8_7_4_each_relation_of_links_has_its_two_chronicles(turn) -> None:
 def test_8_7_4_what_the_map_no_longer_has_is_no_turn() -> None:
     known = [(0, "links.left[l1, x, l2]", None, True), (5, "links.left[l1, x, l2]", True, False)]
     assert told(*known, (10, "cars.link[c]", None, "l1"), (900, "cars.link[c]", "l1", "l2")) == ["from_link_to_link"]
+
+
+@pytest.mark.parametrize(("waits_ms", "is_one"), [(900, True), (100_000, True), (130_000, False)])
+def test_8_7_4_a_car_may_wait_at_a_light_within_the_crossing(waits_ms: int, *, is_one: bool) -> None:
+    at_ms = 20 + waits_ms
+    known = (0, "links.left[l1, x, l2]", None, True), (10, "cars.link[c]", None, "l1")
+    entered = (20, "cars.link[c]", "l1", "no_link"), (20, "cars.crossing[c]", "no_crossing", "x")
+    left = (at_ms, "cars.crossing[c]", "x", "no_crossing"), (at_ms, "cars.link[c]", "no_link", "l2")
+    found = told(*known, (15, "cars.crossing[c]", None, "no_crossing"), *entered, *left)
+    assert found == (["through_crossing", CHRONICLE_OF["left"]] if is_one else [])

@@ -28,6 +28,7 @@ def recognised(made, folder):
     call = [sys.executable, "-c", COMMAND, "kpl", "run", str(folder / "passes.kpl"), "--feed", str(feed), "--json"]
     done = subprocess.run(call, env=environment(folder), cwd=ROOT, capture_output=True, text=True, check=False)
     assert done.returncode == 0, done.stderr
+    assert "out of order" not in done.stderr
     took_s = _used_s() - before
     return score(made, reported(map(json.loads, done.stdout.splitlines()), "passed")), took_s
 
