@@ -18,6 +18,7 @@ from anchoring.links.objects import LastSeen, LinkObject, ObjectLink
 from anchoring.links.specification import LinkSpecification, filtered, unlikely
 from anchoring.links.states import UNMEASURED, ObjectState
 from dyknow import US_PER_S
+from reasoning import Progressing
 
 LASTS_US: Final = 2 * US_PER_S
 _TAKEN_BACK, _KEPT = -2.0, 8.0
@@ -91,10 +92,14 @@ class LinkTrials:
     def _wait(self, valid_us: int, waiting: Unlinked, source: LinkObject) -> None:
         """What would be evaluated if it were not linked."""
         establish = waiting.establish
-        if establish is not None and establish.verdict == "undecided":
-            self._establish.step(establish, valid_us, source.state, ends=Ends(source.symbol))
-            if establish.verdict == "false":
-                waiting.establish = None
+        if establish is None or establish.verdict != "undecided":
+            return
+        self._establish.step(establish, valid_us, source.state, ends=Ends(source.symbol))
+        waiting.establish = self._still(establish)
+
+    @staticmethod
+    def _still(establish: Progressing) -> Progressing | None:
+        return None if establish.verdict == "false" else establish
 
     def pairs(self) -> Iterator[dict[str, ReestablishPair]]:
         """The reestablish conditions that wait, by the symbols of their objects."""
