@@ -52,7 +52,10 @@ class LinkTrial:
 
 
 class LinkTrials:
-    """The links of one process that are on trial, where things are told apart by their motion: of percepts, adaptively."""
+    """The links of one process that are on trial: of percepts, adaptively, to objects that move on as they did.
+
+    What is above an object, as its place on a road, says where it turns; how it moves is no evidence against that.
+    """
 
     def __init__(self, specification: LinkSpecification, establish: PairCondition) -> None:
         self._is_held = specification.is_adaptive and specification.unit is filtered
@@ -62,7 +65,7 @@ class LinkTrials:
 
     def begin(self, waiting: Unlinked, link: ObjectLink, before: LastSeen, expected: ObjectState, score: float) -> None:
         """A percept was linked to an object that was expected somewhere: with a score less than 0 if it is more likely that one."""
-        if not self._is_held:
+        if not self._is_held or link.target.outgoing:
             return
         known = filtered(link.source.state, loosened(expected))
         other = _as_another(link.source, link.target, self._later)
