@@ -1,10 +1,10 @@
 """Links on trial: what was taken for a known object may show, by how it moves on, that it is another.
 
 A percept is linked at once, by where it is; how it moves is seen later. For a while two tracks take each of its states: that of the
-known object, and that of one that has come into view with the percept, of which no more is known than how fast others are.
-The logarithm of how much likelier the first one makes the states begins with what the link was made for. Once the other is the
-likelier one, the link is taken back: the object is as it was before, and the percept waits as if it had not been linked. It
-is not taken for the same object again before that was linked to something else.
+known object, and that of a stranger that has come into view with the percept, as fast as others are. The logarithm of how much
+likelier the first one makes the states begins with what the link was made for. Once the stranger is the likelier one, the link
+is taken back: the object is as it was before, and the percept waits as if it had not been linked. It is not taken for the same
+object again before that was linked to something else.
 """
 
 from collections.abc import Callable, Iterator
