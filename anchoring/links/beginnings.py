@@ -10,6 +10,7 @@ from itertools import islice
 from math import inf
 from typing import Final
 
+from anchoring.links.deciding.trials import LASTS_US
 from anchoring.links.objects import LinkEvent
 from anchoring.links.specification import LinkSpecification
 from anchoring.links.states import ObjectState
@@ -18,6 +19,8 @@ from dyknow import US_PER_S
 
 MOST_STATES: Final = 1024
 """Most that are kept of one percept, or object, that is not linked."""
+_STILL_OPEN: Final = frozenset({"weighed", "another"})
+"""Why a link is removed whose percept may have been another since it was seen first."""
 _REMEMBERED_US: Final = 60 * US_PER_S
 
 _Key = tuple[str, str]
@@ -31,7 +34,7 @@ class ObjectBeginnings:
         links = [each for each in specifications if isinstance(each, LinkSpecification)]
         self._links = {(each.source, each.target): each for each in links}
         self._sources = {each.source for each in links}
-        self._linked = set[_Key]()
+        self._until_us: dict[_Key, float] = {}
         self._known: dict[_Key, deque[ObjectState]] = {}
 
     def completed(self, percepts: Iterable[Percept], outcome: LinkOutcome) -> LinkOutcome:
@@ -46,7 +49,8 @@ class ObjectBeginnings:
         return outcome._replace(states=[*earlier, *outcome.states])
 
     def _note(self, key: _Key, state: ObjectState) -> None:
-        if key in self._linked:
+        if state.valid_us > self._until_us.get(key, inf):
+            self._known.pop(key, None)
             return
         states = self._known.pop(key, None) or deque(maxlen=MOST_STATES)
         states.append(state)
@@ -58,11 +62,15 @@ class ObjectBeginnings:
     def _of(self, event: LinkEvent) -> Iterator[StateRecord]:
         source, target = (event.source_type, event.source), (event.target_type, event.target)
         if event.kind == "unlinked":
-            self._linked.discard(source)
-        elif event.kind in {"established", "reestablished"}:
-            self._linked.add(source)
+            self._until_us.pop(source, None)
+            if event.reason.cause not in _STILL_OPEN:
+                self._known.pop(source, None)
+        elif event.kind == "reestablished":
+            self._until_us[source] = event.valid_us + LASTS_US
+        elif event.kind == "established":
+            self._until_us[source] = -inf
             states, link = self._known.pop(source, ()), self._links.get((source[0], target[0]))
-            if link is None or event.kind != "established":
+            if link is None:
                 return
             state, began_us = None, self._began_us(source)
             for each in states:

@@ -89,6 +89,15 @@ def size_of(state: ObjectState) -> float:
     return (WALKER if speed_m_s < _WALKS_M_S else BIKE if speed_m_s < _RIDES_M_S else CAR).size_m
 
 
+def loosened(expected: ObjectState) -> ObjectState:
+    """The state, as uncertain of its place across the way that it is expected on as things drive off that."""
+    covariance = expected.covariance.copy()
+    off = _OFF * (covariance[0, 0] + covariance[1, 1])
+    covariance[0, 0] += off
+    covariance[1, 1] += off
+    return expected._replace(covariance=covariance)
+
+
 class MotionPredictor:
     """Straight on, as uncertain as things of this kind, or this fast, become."""
 

@@ -22,7 +22,17 @@ EventKind: TypeAlias = Literal[
 ]
 """The last four are of wanted objects: it comes into view, stays there for a second, is in view again; or is not."""
 Cause: TypeAlias = Literal[
-    "establish", "reestablish", "maintain", "weighed", "wanted", "tracked", "released", "ended", "silent", "forgotten"
+    "establish",
+    "reestablish",
+    "maintain",
+    "weighed",
+    "another",
+    "wanted",
+    "tracked",
+    "released",
+    "ended",
+    "silent",
+    "forgotten",
 ]
 
 
@@ -31,7 +41,7 @@ class LinkReason(NamedTuple):
 
     Attributes:
         cause: a condition, or the description of a wanted object; that was seen for a while, or is wanted no more; the
-            candidates of a percept were weighed again; the percept ended, or had no sample for too long; the object was not
+            candidates of a percept were weighed again, or it has moved as the object does not; the percept ended, or had no sample for too long; the object was not
             anchored for too long.
         formula: of the condition, with the parts and samples that decided it in `explanations`.
         for_us: how long the percept was silent, or the object seen, or not anchored.

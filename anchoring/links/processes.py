@@ -7,44 +7,28 @@ maintain condition failed, at the next one. Pairs that a gate keeps apart cost n
 """
 
 from collections.abc import Collection, Iterable, Iterator, Mapping
-from typing import Protocol
 
 from anchoring.links.assignment import natural
-from anchoring.links.deciding.candidates import LinkCandidate, LinkCandidates, OpenLink, assigned_with, reassigned
+from anchoring.links.deciding.candidates import (
+    LinkCandidate,
+    LinkCandidates,
+    OpenLink,
+    assigned_with,
+    known_before,
+    open_links,
+    reassigned,
+)
 from anchoring.links.deciding.conditions import Ends, PairCondition
-from anchoring.links.deciding.context import ConditionContext
 from anchoring.links.deciding.nearness import NearObjects
 from anchoring.links.deciding.reach import Reach
+from anchoring.links.deciding.surroundings import LinkSurroundings
+from anchoring.links.deciding.trials import LinkTrials
 from anchoring.links.deciding.waiting import ReestablishPair, Unlinked
 from anchoring.links.objects import EventKind, LastSeen, LinkObject, LinkReason, ObjectLink
 from anchoring.links.prediction import ObjectPrediction, certain
 from anchoring.links.specification import LinkSpecification, filtered
 from anchoring.links.states import ObjectState, intersected, weighed
 from reasoning import Progressing
-
-
-class LinkSurroundings(Protocol):
-    """What a link process needs of the structures it belongs to.
-
-    Attributes:
-        context: what conditions may speak of besides both objects.
-    """
-
-    context: ConditionContext
-
-    def create(self, valid_us: int, target: str, state: ObjectState, symbol: str | None = None) -> LinkObject:
-        """A new object, with a symbol of its own if none is given."""
-
-    def expected(self, one: LinkObject, valid_us: int) -> ObjectPrediction:
-        """Where an object is at a time, by its latest state or its predictor."""
-
-    def on_linked(
-        self, valid_us: int, kind: EventKind, link: ObjectLink, reason: LinkReason, weight: float = 1.0
-    ) -> None:
-        """A link was made."""
-
-    def on_unlinked(self, valid_us: int, link: ObjectLink, reason: LinkReason) -> None:
-        """A link was removed."""
 
 
 class LinkProcess:
@@ -54,6 +38,7 @@ class LinkProcess:
         unlinked: objects of A that are not linked, by symbol.
         available: since when each object of B has had no link of this process, by symbol.
         candidates: of the objects of A that may be several of B, by symbol.
+        trials: the links that may be taken back.
         evaluations: how many progressions were made or continued at the latest tick.
     """
 
@@ -72,6 +57,7 @@ class LinkProcess:
         self.unlinked: dict[str, Unlinked] = {}
         self.available: dict[str, tuple[LinkObject, int]] = {}
         self.candidates: dict[str, LinkCandidates] = {}
+        self.trials = LinkTrials(specification, self._establish)
         self.evaluations = 0
 
     # What the structures report
@@ -95,6 +81,7 @@ class LinkProcess:
     def unlink(self, valid_us: int, link: ObjectLink, reason: LinkReason) -> None:
         """Remove a link; its target is available from now on, from the next state on if it was made at this one."""
         self.candidates.pop(link.source.symbol, None)
+        self.trials.end(link.source.symbol)
         del link.source.outgoing[self.name]
         del link.target.incoming[self.name]
         self.on_target(link.target, max(valid_us, link.since_us + 1))
@@ -113,7 +100,8 @@ class LinkProcess:
         moved_over = self._weigh(valid_us, sources) if self.candidates else ()
         self._reach.on_states(valid_us, (one.state for one in sources if one.prediction is None))
         for one in sources:
-            if (link := one.outgoing.get(self.name)) is not None and one.symbol not in moved_over:
+            link = None if one.symbol in moved_over else one.outgoing.get(self.name)
+            if link is not None and not self._take_back(valid_us, link):
                 self._update(valid_us, link)
 
     def decide(self, valid_us: int, sources: Iterable[LinkObject]) -> None:
@@ -140,6 +128,17 @@ class LinkProcess:
             waiting.estimate = self.specification.unit(state, self.specification.later(before, state.valid_us))
         return waiting.estimate or state
 
+    def _take_back(self, valid_us: int, link: ObjectLink) -> bool:
+        """Whether its source has just shown that it is another than the target, so that the link is removed."""
+        if (trial := self.trials.failed(valid_us, link)) is None:
+            return False
+        target = link.target
+        self.unlink(valid_us, link, LinkReason("another"))
+        target.go_back(trial.before)
+        waiting = trial.again(valid_us + 1, target.symbol, self.available[target.symbol][1])
+        self.unlinked[link.source.symbol] = waiting
+        return True
+
     def _update(self, valid_us: int, link: ObjectLink) -> None:
         """The state of B, and whether the hypothesis still holds with it."""
         source, target = link.source, link.target
@@ -157,7 +156,6 @@ class LinkProcess:
             elif link.maintain.verdict == "false":
                 reason = LinkReason("maintain", self._maintain.formula, link.maintain.explain())
                 self.unlink(valid_us, link, reason)
-                self._around.expected(target, valid_us)
                 return
             if link.maintain.verdict == "true":
                 link.maintain = None
@@ -242,56 +240,47 @@ class LinkProcess:
         known: dict[str, dict[str, ObjectPrediction]] = {}
         sources: dict[str, LinkObject] = {}
         new: list[tuple[LinkObject, Progressing]] = []
-        open_links = self._open_links()
-        near = self._near(valid_us, open_links, unlinked)
+        held_open = open_links(self.candidates.values(), self.name)
+        near = self._near(valid_us, held_open, unlinked)
         gate = self._reestablish.gate
         for one, waiting in unlinked:
             if gate is not None:
                 waiting.on_state(valid_us, gate.window_us)
             if (establish := waiting.establish) is not None:
                 self.evaluations += 1
-                self._establish.step(establish, valid_us, one.state, ends=Ends(one.symbol))
+                if establish.verdict == "undecided":
+                    self._establish.step(establish, valid_us, one.state, ends=Ends(one.symbol))
                 if establish.verdict == "true":
                     new.append((one, establish))
                 elif establish.verdict == "false":
                     waiting.establish = None
             for target, whereabouts in near.of(one.state, waiting.pairs):
-                since_us = open_links[target].link.since_us if target in open_links else self.available[target][1]
+                since_us = held_open[target].link.since_us if target in held_open else self.available[target][1]
                 evaluation = self._progressed(valid_us, one, waiting, target, whereabouts, since_us)
                 if evaluation is not None and evaluation.verdict == "true":
                     scores[one.symbol, target] = self._reach.score(one.state, whereabouts)
                     held[one.symbol, target] = evaluation
                     known.setdefault(one.symbol, {})[target] = whereabouts
                     sources[one.symbol] = one
-        chosen = assigned_with(scores, open_links.values(), self.available, self._reach.alone)
-        before = self._before(open_links, {target for _, target in scores})
+        chosen = assigned_with(scores, held_open.values(), self.available, self._reach.alone)
+        before = known_before(held_open, self.available, {target for _, target in scores})
         moving = {name: target for name, target in chosen.items() if name not in sources}
         self._go_over(valid_us, {name: to for name, to in moving.items() if to != self.candidates[name].chosen})
         for source, target in ((name, to) for name, to in chosen.items() if name in sources):
             reason = LinkReason("reestablish", self._reestablish.formula, held[source, target].explain())
             weights = self.specification.weigh(sources[source].state, known[source])
             candidates = self._candidates(sources[source], target, known[source], before, weights)
-            one, weight = self.available[target][0], weights.get(target, 0.0)
-            self._link(valid_us, "reestablished", sources[source], one, reason, weight, candidates)
+            one, weight, waiting = self.available[target][0], weights.get(target, 0.0), self.unlinked[source]
+            link = self._link(valid_us, "reestablished", sources[source], one, reason, weight, candidates)
+            if candidates is None and self.name in sources[source].outgoing:
+                expected = known[source][target].nearest(sources[source].state)
+                self.trials.begin(waiting, link, before[target][1], expected, scores[source, target])
         for one, establish in new:
             if one.symbol not in chosen:
                 reason = LinkReason("establish", self._establish.formula, establish.explain())
                 created = self._around.create(valid_us, self.specification.target, self._first(one))
                 created.seen_us = valid_us - one.created_us
                 self._link(valid_us, "established", one, created, reason)
-
-    def _open_links(self) -> dict[str, OpenLink]:
-        """Links that are not certain, by the symbol of the object of B that may be claimed."""
-        found = (each.open_link(self.name) for each in self.candidates.values())
-        return {each.link.target.symbol: each for each in found if each is not None}
-
-    def _before(
-        self, open_links: Mapping[str, OpenLink], targets: Iterable[str]
-    ) -> dict[str, tuple[LinkObject, LastSeen]]:
-        """Objects of B, and how they are known without what is linked at this tick, or may be."""
-        found = {name: (each.link.target, each.before) for name, each in open_links.items()}
-        free = {name: self.available[name][0] for name in targets if name not in found}
-        return found | {name: (one, one.last_seen) for name, one in free.items()}
 
     def _candidates(
         self,
@@ -389,7 +378,7 @@ class LinkProcess:
         reason: LinkReason,
         weight: float = 1.0,
         candidates: LinkCandidates | None = None,
-    ) -> None:
+    ) -> ObjectLink:
         link = ObjectLink(self, source, target, valid_us)
         if candidates is not None:
             self.candidates[source.symbol], link.weight = candidates, candidates.weight
@@ -404,11 +393,12 @@ class LinkProcess:
         self.drop_target(target.symbol)
         self._around.on_linked(valid_us, kind, link, reason, weight)
         if self._maintain.is_trivial:
-            return
+            return link
         link.maintain = self._maintain.start()
         self._maintain.step(link.maintain, valid_us, source.state, certain(target.state), _ends(source, target))
         if link.maintain.verdict == "false":
             self.unlink(valid_us, link, LinkReason("maintain", self._maintain.formula, link.maintain.explain()))
+        return link
 
 
 def _ends(source: LinkObject, target: LinkObject) -> Ends:

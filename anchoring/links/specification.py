@@ -72,10 +72,10 @@ def distance(state: ObjectState, expected: ObjectPrediction) -> float:
 
 def unlikelihood(state: ObjectState, expected: ObjectPrediction) -> float:
     """Twice the negative logarithm of how likely a position is, up to a constant: of the best hypothesis."""
-    return min(_unlikely(state, each.state) - 2.0 * log(max(each.weight, 1e-9)) for each in expected.hypotheses)
+    return min(unlikely(state, each.state) - 2.0 * log(max(each.weight, 1e-9)) for each in expected.hypotheses)
 
 
-def _unlikely(state: ObjectState, expected: ObjectState) -> float:
+def unlikely(state: ObjectState, expected: ObjectState) -> float:
     """d^T S^-1 d + log det S, where S is the sum of both covariances of the position."""
     a, b = (state.covariance[:2, :2] + expected.covariance[:2, :2]).tolist()
     dx, dy = state.x_m - expected.x_m, state.y_m - expected.y_m

@@ -64,7 +64,10 @@ def diagonal(position_sd_m: float, velocity_sd_m_s: float | None = None) -> Matr
     """The covariance of independent axes; None: the velocity is not measured."""
     velocity = UNMEASURED if velocity_sd_m_s is None else velocity_sd_m_s * velocity_sd_m_s
     position = position_sd_m * position_sd_m
-    return np.diag([position, position, velocity, velocity])
+    covariance = np.zeros((4, 4))
+    covariance[0, 0] = covariance[1, 1] = position
+    covariance[2, 2] = covariance[3, 3] = velocity
+    return covariance
 
 
 def moved(state: ObjectState, to_us: int, noise: float) -> ObjectState:
@@ -105,15 +108,36 @@ def weighed(prior: ObjectState, measured: ObjectState) -> ObjectState:
 
 
 def _placed(prior: ObjectState, measured: ObjectState) -> ObjectState:
-    """The same where the velocity is not measured: K = P H^T (H P H^T + R)^-1 with H = [I 0]."""
-    before = prior.covariance
-    (a, b), (_, c) = (before[:2, :2] + measured.covariance[:2, :2]).tolist()
+    """The same where the velocity is not measured: K = P H^T (H P H^T + R)^-1 with H = [I 0], element by element."""
+    (xx, xy, xu, xv), (_, yy, yu, yv), (_, _, uu, uv), (_, _, _, vv) = prior.covariance.tolist()
+    (a, b), (_, c) = measured.covariance[:2, :2].tolist()
+    a, b, c = a + xx, b + xy, c + yy
     determinant = a * c - b * b
-    gain = before[:, :2] @ np.array(((c, -b), (-b, a))) / determinant
+    a, b, c = a / determinant, b / determinant, c / determinant
     dx, dy = measured.x_m - prior.x_m, measured.y_m - prior.y_m
-    mean = np.array(prior[1:5]) + gain @ (dx, dy)
-    covariance = before - gain @ before[:2]
-    return _estimate(measured.valid_us, mean, covariance, {**prior.attributes, **measured.attributes})
+    x1, x2, y1, y2 = xx * c - xy * b, xy * a - xx * b, xy * c - yy * b, yy * a - xy * b
+    u1, u2, v1, v2 = xu * c - yu * b, yu * a - xu * b, xv * c - yv * b, yv * a - xv * b
+    new_xy = xy - x1 * xy - x2 * yy
+    new_xu, new_xv = xu - x1 * xu - x2 * yu, xv - x1 * xv - x2 * yv
+    new_yu, new_yv = yu - y1 * xu - y2 * yu, yv - y1 * xv - y2 * yv
+    new_uv = uv - u1 * xv - u2 * yv
+    covariance = np.array(
+        (
+            (xx - x1 * xx - x2 * xy, new_xy, new_xu, new_xv),
+            (new_xy, yy - y1 * xy - y2 * yy, new_yu, new_yv),
+            (new_xu, new_yu, uu - u1 * xu - u2 * yu, new_uv),
+            (new_xv, new_yv, new_uv, vv - v1 * xv - v2 * yv),
+        )
+    )
+    return ObjectState(
+        measured.valid_us,
+        prior.x_m + x1 * dx + x2 * dy,
+        prior.y_m + y1 * dx + y2 * dy,
+        prior.vx_m_s + u1 * dx + u2 * dy,
+        prior.vy_m_s + v1 * dx + v2 * dy,
+        covariance,
+        {**prior.attributes, **measured.attributes},
+    )
 
 
 def intersected(one: ObjectState, other: ObjectState) -> ObjectState:

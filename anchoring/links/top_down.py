@@ -223,9 +223,11 @@ class TopDown:
         for process in self._out_of.get(type_, ()):
             yield process.unlinked
             yield process.candidates
+            yield process.trials.by_source
         for process in self._into.get(type_, ()):
             yield process.available
             yield from (waiting.pairs for waiting in process.unlinked.values())
+            yield from process.trials.pairs()
 
     def observe(self, valid_us: int) -> None:
         """Tell what became of those that are found: at the end of a tick."""

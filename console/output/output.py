@@ -10,6 +10,9 @@ from typing import TYPE_CHECKING, Any, TextIO, cast
 from console.output.shown import Shown, as_text, line, print_trimmed, printable, styled
 from dyknow.model.values import as_json
 
+_JSON = json.JSONEncoder(separators=(",", ":"), allow_nan=False, default=as_json)
+"""One for all lines."""
+
 if TYPE_CHECKING:
     from rich.console import Console
 
@@ -78,7 +81,7 @@ class Output:
     def line(self, record: Mapping[str, Any]) -> None:
         """One JSON object, at once; what has no value is null."""
         stream = self._held or sys.stdout
-        stream.write(json.dumps(record, separators=(",", ":"), allow_nan=False, default=as_json) + "\n")
+        stream.write(_JSON.encode(record) + "\n")
         stream.flush()
 
     def say(self, text: Shown, /, **record: Any) -> None:

@@ -27,6 +27,8 @@ def because(reason: "LinkReason") -> str:
         return "it was decided that it is this one"
     if reason.cause == "weighed":
         return "of the known objects that it may be, another has become the likelier one"
+    if reason.cause == "another":
+        return "how it moves shows that it is another"
     if reason.cause == "forgotten" or reason.formula is None:
         return f"not linked to a percept for {reason.for_us / US_PER_S:g} s"
     verdict = "fails" if reason.cause == "maintain" else "holds"

@@ -2,6 +2,7 @@
 
 import json
 from collections.abc import Callable
+from functools import lru_cache
 from typing import Any, Final
 
 from dyknow.model.errors import TextError
@@ -15,6 +16,12 @@ LATEST_MS: Final = 2**53
 def no_constant(name: str) -> Any:
     """NaN and the infinities are no JSON."""
     raise ValueError(f"{name} is no value")
+
+
+@lru_cache(maxsize=16)
+def _decoder(constant: Callable[[str], Any]) -> json.JSONDecoder:
+    """One for all lines: to make one takes as long as to decode a line."""
+    return json.JSONDecoder(parse_constant=constant)
 
 
 class JsonLine:
@@ -42,7 +49,7 @@ class JsonLine:
             raise self.error(f"the line is longer than {LIMIT_LINE} characters", "one JSON object a line")
         try:
             text = line.decode("utf-8-sig") if isinstance(line, bytes) else line
-            record: Any = json.loads(text, parse_constant=constant)
+            record: Any = _decoder(constant).decode(text)
         except (ValueError, RecursionError) as error:
             raise self.error(f"no JSON: {error}", example) from None
         if not isinstance(record, dict):

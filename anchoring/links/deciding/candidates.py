@@ -157,6 +157,21 @@ class LinkCandidates:
         return self._candidates[symbol].weight / total if total > 0.0 else 0.0
 
 
+def open_links(candidates: Iterable[LinkCandidates], process: str) -> dict[str, OpenLink]:
+    """Links of a process that are not certain, by the symbol of the object of B that may be claimed."""
+    found = (each.open_link(process) for each in candidates)
+    return {each.link.target.symbol: each for each in found if each is not None}
+
+
+def known_before(
+    open_links: Mapping[str, OpenLink], available: Mapping[str, tuple[LinkObject, int]], targets: Iterable[str]
+) -> dict[str, tuple[LinkObject, LastSeen]]:
+    """Objects of B, and how they are known without what is linked at this tick, or may be."""
+    found = {name: (each.link.target, each.before) for name, each in open_links.items()}
+    free = {name: available[name][0] for name in targets if name not in found}
+    return found | {name: (one, one.last_seen) for name, one in free.items()}
+
+
 def _unlikely(state: ObjectState, expected: ObjectState) -> float:
     """d^T S^-1 d + log det S over position and velocity, where S is the sum of both covariances."""
     both = state.covariance + expected.covariance

@@ -86,14 +86,16 @@ class LinkOutput:
         }
 
     def _state(self, record: "StateRecord") -> dict[str, Any]:
-        hypotheses = [(record.state, 1.0)] if record.prediction is None else record.prediction.hypotheses
+        place = self._place(record.state)
+        branches = () if record.prediction is None else record.prediction.hypotheses
+        hypotheses = [{**self._place(state), "weight": round(weight, 4)} for state, weight in branches]
         return {
             "t_ms": _ms(record.valid_us),
             "symbol": record.symbol,
             "type": record.type,
-            **self._place(record.state),
+            **place,
             "linked_to": list(record.linked_to),
-            "hypotheses": [{**self._place(state), "weight": round(weight, 4)} for state, weight in hypotheses],
+            "hypotheses": hypotheses or [{**place, "weight": 1.0}],
             **({"certainty": round(record.weight, 4)} if record.weight < 1.0 else {}),
             **({"late_ms": _ms(record.late_us)} if record.late_us else {}),
         }

@@ -49,6 +49,7 @@ def _check_process(linkage: ObjectLinkage, process: LinkProcess) -> None:
     assert process.unlinked.keys() <= sources.keys()
     assert process.available.keys() == targets.keys() - held, "an object is available unless it is held"
     assert process.candidates.keys() <= linked
+    assert process.trials.by_source.keys() <= linked - process.candidates.keys(), "what is on trial is linked to one"
     for symbol, candidates in process.candidates.items():
         assert candidates.chosen == sources[symbol].outgoing[process.name].target.symbol
         assert not candidates.is_decided

@@ -9,16 +9,17 @@ from typing import Final
 import pytest
 
 from anchoring.links.composites import CompositeSpecification
+from anchoring.links.motion import MotionPredictor
 from anchoring.links.prediction import ConstantVelocity
 from anchoring.links.specification import LinkSpecification, Threshold, filtered, unlikelihood
 from anchoring.links.states import ObjectState, diagonal
 from anchoring.links.structures import ObjectLinkage, Percept
-from anchoring.ready import NEAR, NEW, VISION, WORLD
+from anchoring.ready import NEAR, NEW, VISION, WORLD, ready_specification
 from kpl import parse_formula
 from tests.anchoring.links import invariants
 
 IS_FULL: Final = bool(os.environ.get("DYKNOW_FULL"))
-TICKS: Final = 42_000 if IS_FULL else 150
+TICKS: Final = 38_000 if IS_FULL else 150
 """Of each setting: all together 10^6."""
 THERMAL: Final = "thermal-percept"
 CLOSE = parse_formula("eventually [0, 1000] xy_dist[from, to] < thresh")
@@ -72,6 +73,13 @@ SETTINGS: Final[dict[str, Callable[[], list[LinkSpecification | CompositeSpecifi
     "classes, 3": lambda: [world(3, maintain=STAYS), *CLASSES],
     "convoys, 1": lambda: [world(1), CONVOY],
     "convoys, 4": lambda: [world(4), CONVOY],
+    "ready": lambda: list(ready_specification()),
+    "adaptive, 1": lambda: [world(1, THERMAL, is_adaptive=True, reestablish=NEAR, maintain=STAYS)],
+    "adaptive, all": lambda: [
+        *(world(3, of, is_adaptive=True, reestablish=NEAR, predictor=MotionPredictor()) for of in (VISION, THERMAL)),
+        *CLASSES,
+        CONVOY,
+    ],
     "all, 5": lambda: [world(5, maintain=STAYS), world(2, THERMAL), *CLASSES, CONVOY],
 }  # fmt: skip
 
