@@ -289,6 +289,7 @@ def obeyed(platform: Platform) -> Iterator[tuple[str, str, object]]:
             yield task, led.leader, ("monitors", led.generation)
 
 
+@pytest.mark.timeout(1800)
 @pytest.mark.parametrize("liar_flies", [True, False])
 @pytest.mark.parametrize("seed", range(SEEDS))
 def test_what_a_platform_obeys_is_by_the_word_of_the_command_centre(seed: int, liar_flies: bool) -> None:
