@@ -9,16 +9,17 @@ import math
 from collections.abc import Callable, Iterator
 from dataclasses import replace
 from functools import partial
-from typing import Any, Final, TypeAlias
+from typing import Any, Final, NamedTuple, TypeAlias
 
 from anchoring.ready import SLACK_M
 from anchoring.roads.elements import DirectedLink
 from anchoring.roads.names import way_name
 from anchoring.roads.network import RoadNetwork
-from anchoring.roads.snapping import RoadPlace, snap
+from anchoring.roads.snapping import RoadPlace, SnapSettings, snap
 from anchoring.roads.statistics import LONGEST_GAP_US, LinkTraffic, RoadTraffic
 from anchoring.traffic.obstacles import Narrowest, SlowVehicles, narrowest
 from anchoring.traffic.passability import Passability, RouteState, WantedRoute, obstructed
+from anchoring.traffic.travel import Travel
 from compunits import NO_CROSSING, NO_LINK, SEEN_CAR
 from dyknow import (
     NO_VALUE,
@@ -64,15 +65,24 @@ LATE_US: Final = US_PER_S // 2
 AGAIN_US: Final = 10 * US_PER_S
 MOST_ROUTES: Final = 64
 
+BY_LANE: Final = SnapSettings(heading_sd_rad=1.5)
+"""The direction of travel decides between lanes that lead opposite ways, not between those of a fork."""
+
 _Ways: TypeAlias = tuple[tuple[str, str, str], ...]
 
 
+class _Placed(NamedTuple):
+    valid_us: int
+    place: RoadPlace
+    travel: Travel
+
+
 class PlacesOnRoads:
-    """Puts objects on roads, with hysteresis for each."""
+    """Puts objects on roads, with hysteresis for each, and what goes the one way not on the lane that leads the other way."""
 
     def __init__(self, network: RoadNetwork) -> None:
         self.network = network
-        self._places: dict[str, tuple[int, RoadPlace]] = {}
+        self._places: dict[str, _Placed] = {}
 
     def place(self, sample: Sample) -> tuple[str, RoadPlace | None] | None:
         """The symbol and the place of an object; None if it is nothing of that kind.
@@ -89,11 +99,15 @@ class PlacesOnRoads:
         before = self._places.get(symbol)
         if before is None and len(self._places) >= MAX_MEMBERS:
             raise SortError(f"more than {MAX_MEMBERS} objects at once; others are left out")
-        place = snap(self.network, x_m, y_m, previous=None if before is None else before[1])
+        travel = Travel(sample.valid_us, x_m, y_m) if before is None else before.travel.to(sample.valid_us, x_m, y_m)
+        previous = None if before is None else before.place
+        place = snap(self.network, x_m, y_m, travel.velocity_m_s, previous, BY_LANE)
+        if travel.velocity_m_s is not None and (place is None or self._is_off(place)):
+            place = snap(self.network, x_m, y_m, previous=previous)  # against the direction of its lane
         if place is None or self._is_off(place):
             self._places.pop(symbol, None)
             return symbol, None
-        self._places[symbol] = sample.valid_us, place
+        self._places[symbol] = _Placed(sample.valid_us, place, travel)
         return symbol, place
 
     def _is_off(self, place: RoadPlace) -> bool:
@@ -102,7 +116,7 @@ class PlacesOnRoads:
 
     def forget(self, before_us: int) -> None:
         """What was last seen before that time."""
-        self._places = {name: each for name, each in self._places.items() if each[0] >= before_us}
+        self._places = {name: each for name, each in self._places.items() if each.valid_us >= before_us}
 
 
 class OnMap:

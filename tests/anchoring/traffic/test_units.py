@@ -163,3 +163,48 @@ def test_the_example_says_when_and_why_a_crane_and_an_ambulance_cannot_pass() ->
         ("crane", False, ""),
         ("ambulance", True, "hill park"),
     ]
+
+
+PAIR = read_roads(
+    text(
+        crossing("a", 0, 0), crossing("b", 300, 0),
+        link("out", "a", "b", [(0, 0), (300, 0)], lanes=1, width_m=3.2, oneway=True),
+        link("back", "b", "a", [(300, 3.2), (0, 3.2)], lanes=1, width_m=3.2, oneway=True),
+    )
+)  # fmt: skip
+ON_MAP = """
+sort seen-object(symbol in text, x_m in m, y_m in m)
+source seen-object tracker
+compunit seen-car OnMap(seen-object)
+strmgen cars = tracker
+strmgen on = OnMap(cars)
+stream at = on
+"""
+
+
+@pytest.mark.parametrize(("speed_m_s", "links"), [(12.0, {"out"}), (-12.0, {"back"})])
+def test_a_track_that_strays_onto_the_lane_of_the_other_way_stays_on_its_own_while_it_goes_its_way(
+    speed_m_s: float, links: set[str]
+) -> None:
+    streets = Streets(ON_MAP, PAIR)
+    begin_m = 40.0 if speed_m_s > 0 else 260.0
+    streets.drive(15.0, {"c": lambda at_s: (begin_m + speed_m_s * at_s, 1.6 + 2.4 * math.sin(at_s))}, period_s=0.2)
+    found = streets.values("at")
+    assert {link_name for *_, link_name, _ in found[2:]} == links
+    assert max(abs(value[2] - 1.6) for value in found) > 2.0
+    assert len({value[3] for value in found[2:]}) == 1
+
+
+def test_what_drives_against_its_lane_is_on_the_lane_where_it_is() -> None:
+    streets = Streets(ON_MAP, ROADS_APART)
+    streets.drive(15.0, {"c": lambda at_s: (280.0 - 12.0 * at_s, 0.0)}, period_s=0.2)
+    assert {link_name for *_, link_name, _ in streets.values("at")} == {"out"}
+
+
+ROADS_APART = read_roads(
+    text(
+        crossing("a", 0, 0), crossing("b", 300, 0),
+        link("out", "a", "b", [(0, 0), (300, 0)], lanes=1, width_m=3.2, oneway=True),
+        link("back", "b", "a", [(300, 9), (0, 9)], lanes=1, width_m=3.2, oneway=True),
+    )
+)  # fmt: skip

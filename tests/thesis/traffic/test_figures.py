@@ -45,9 +45,9 @@ def test_figure_8_12_an_overtake_and_that_it_was_reckless_are_recognised_from_po
     ]
     arguments = [(at, name, value[0] if isinstance(value, list) else value) for at, name, value in brought]
     assert arguments[:3] == [
-        (11_600, "passed", ["a", "b"]),
-        (11_600, "too_near", ["a", "b", "c"]),
-        (11_600, "reckless", "a"),
+        (11_900, "passed", ["a", "b"]),
+        (11_900, "too_near", ["a", "b", "c"]),
+        (11_900, "reckless", "a"),
     ]
     assert [(name, value) for _, name, value in arguments[3:]] == [
         ("keeps_off", "alarm-opened"),
