@@ -13,7 +13,16 @@ from federation.messages import contents
 from federation.messages.acts import Act, AgentName, Performative
 from federation.messages.codec import decode_act, encode_act
 from federation.messages.conversations import Conversations, Outcome
-from federation.messages.protocols import OPENING, PROTOCOLS, Incoming, PeerLost, Reply, TimedOut, Undelivered
+from federation.messages.protocols import (
+    OPENING,
+    PROTOCOLS,
+    Foreign,
+    Incoming,
+    PeerLost,
+    Reply,
+    TimedOut,
+    Undelivered,
+)
 from federation.messages.receipts import (
     RECEIPT_AGENT,
     Receipt,
@@ -32,6 +41,8 @@ INTERFACE = "interface"
 """The agent that speaks for a member, and is spoken to by others."""
 ONTOLOGY = "dyknow"
 REPLY_WITHIN_US = 2_000_000
+FOREIGN = "not its conversation"
+"""What becomes of an act in a conversation of others."""
 
 Direction: TypeAlias = Literal["in", "out"]
 OnReply: TypeAlias = Callable[[Act, contents.Content | None, bool, int], None]
@@ -310,20 +321,21 @@ class Correspondence:
                     self._on_silence(conversation, f"platform {peer} is gone", now_us)
                 case PeerLost():
                     self._agents.on_lost(outcome.opening, now_us)
+                case Foreign():
+                    pass
                 case Undelivered(act):
                     self._audit(now_us, "out", act.receiver.unit, act, "undelivered")
                 case _:
                     self._emit(outcome)
 
     def _on_incoming(self, act: Act, now_us: int) -> None:
-        """An act that answers none of ours; in a conversation of ours with another platform only progress is heard."""
-        conversation = act.conversation_id or ""
-        if conversation not in self._pending or act.performative in OPENING or act.performative is P.CANCEL:
+        """An act that answers none of ours; in a conversation of ours that waits for another platform only progress is heard."""
+        is_asked = act.performative in OPENING or act.performative is P.CANCEL
+        is_progress = act.content is not None and act.content.head == contents.Progress.head
+        if is_asked or is_progress or (act.conversation_id or "") not in self._pending:
             self._agents.on_request(act, now_us)
-        elif act.content is not None and act.content.head == contents.Progress.head:
-            self._on_reply(conversation, act, is_last=False, now_us=now_us)
         else:
-            self._audit(now_us, "in", act.sender.unit, act, "not its conversation")
+            self._audit(now_us, "in", act.sender.unit, act, FOREIGN)
 
     def _on_reply(self, conversation: str, act: Act, *, is_last: bool, now_us: int) -> None:
         pending = self._pending.get(conversation)
@@ -396,6 +408,8 @@ def _is_paged(content: contents.Content) -> bool:
 
 def _fate(act: Act, outcomes: list[Outcome]) -> str:
     """What became of a new act that is no request."""
+    if any(isinstance(outcome, Foreign) for outcome in outcomes):
+        return FOREIGN
     if any(isinstance(outcome, Reply) for outcome in outcomes):
         return "accepted"
     return "conversation refused" if act.performative in OPENING or act.performative is P.CANCEL else "late"

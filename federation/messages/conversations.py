@@ -191,13 +191,9 @@ class Conversations:
                 found = self._open.get((conversation, peer, True))
                 if found is not None:
                     return self._replied(conversation, found, act, now_us)
-            if performative is P.INFORM and (
-                _is_progress(act) or any(name[0] == conversation and name[2] for name in self._open)
-            ):
-                return [protocols.Incoming(act)]
             is_bid = performative is P.PROPOSE and act.protocol == protocols.PROTOCOLS[P.CFP]
-            if (is_bid or performative not in protocols.OPENING) and conversation.startswith(self._prefix):
-                return self._late(act, now_us)
+            if (is_bid or performative not in protocols.OPENING) and self._is_ours(conversation):
+                return self._unasked(conversation, act, now_us)
         if conversation is not None and (performative in protocols.OPENING or performative is P.CANCEL):
             return self._asked(conversation, act, now_us)
         return [protocols.Incoming(act)]
@@ -281,6 +277,21 @@ class Conversations:
         else:
             self._wake(found.due_us)
         return [protocols.Reply(conversation, act, found.opening, closed)]
+
+    def _is_ours(self, conversation: str) -> bool:
+        """Whether we have opened it, or cancel it."""
+        return conversation.startswith(self._prefix) or any(name[0] == conversation and name[2] for name in self._open)
+
+    def _unasked(self, conversation: str, act: Act, now_us: int) -> list[Outcome]:
+        """An act of a platform that owes no answer in a conversation of ours, which is closed or with another one.
+
+        A task may have participants, which inform: the agents know them. Nothing else is heard of a third platform.
+        """
+        is_told = act.performative is P.INFORM and act.in_reply_to is None
+        is_addressed = conversation.endswith((f".{act.sender.unit}", f".{keys.EVERYBODY}"))
+        if is_told and (_is_progress(act) or not is_addressed):
+            return [protocols.Incoming(act)]
+        return self._late(act, now_us) if is_addressed else [protocols.Foreign(act)]
 
     def _late(self, act: Act, now_us: int) -> list[Outcome]:
         """An answer in a conversation that we have closed. A late agree is answered by a cancel, a late proposal rejected.
@@ -402,4 +413,4 @@ def _cancel(opening: Act, content: Expr | None = None) -> Act:
 
 def _is_progress(act: Act) -> bool:
     """Whether it reports of a task, which outlives the conversation with its delegate."""
-    return act.in_reply_to is None and act.content is not None and act.content.head == Progress.head
+    return act.content is not None and act.content.head == Progress.head

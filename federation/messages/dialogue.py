@@ -17,6 +17,7 @@ class Dialogue:
         said: the answers with their contents (None: not understood).
         failed: why no further answer comes, or None.
         over: whether no further answer comes.
+        about: what was asked for.
     """
 
     unit: str
@@ -24,6 +25,7 @@ class Dialogue:
     said: list[tuple[Act, Content | None]] = field(default_factory=list)
     failed: str | None = None
     over: bool = False
+    about: Content | None = None
 
     def on_reply(self, act: Act, content: Content | None, is_last: bool, _now_us: int) -> None:
         """Note an answer."""

@@ -32,6 +32,12 @@ class Incoming(NamedTuple):
     act: Act
 
 
+class Foreign(NamedTuple):
+    """What a platform says in a conversation of ours that is with another one: it is not heard."""
+
+    act: Act
+
+
 class Reply(NamedTuple):
     """An answer in one of our conversations; `closed` says that it was the last."""
 
@@ -64,7 +70,7 @@ class PeerLost(NamedTuple):
     ours: bool
 
 
-ConversationEvent: TypeAlias = Incoming | Reply | TimedOut | Undelivered | PeerLost
+ConversationEvent: TypeAlias = Incoming | Foreign | Reply | TimedOut | Undelivered | PeerLost
 
 
 class Phase(Enum):
