@@ -21,6 +21,7 @@ from federation.messages.protocols import (
     PeerLost,
     Reply,
     TimedOut,
+    Unanswered,
     Undelivered,
 )
 from federation.messages.receipts import (
@@ -43,6 +44,8 @@ ONTOLOGY = "dyknow"
 REPLY_WITHIN_US = 2_000_000
 FOREIGN = "not its conversation"
 """What becomes of an act in a conversation of others."""
+UNANSWERED = "not answered"
+"""What becomes of an act that is refused in silence, since its sender was refused so much."""
 
 Direction: TypeAlias = Literal["in", "out"]
 OnReply: TypeAlias = Callable[[Act, contents.Content | None, bool, int], None]
@@ -190,6 +193,13 @@ class Correspondence:
         expr = None if content is None else content.expr()
         self._handle(self.conversations.answer(act, performative, expr, now_us, standing=standing), now_us)
 
+    def refuse(self, act: Act, performative: Performative, content: contents.Content, now_us: int) -> bool:
+        """Refuse an act of another platform; whether that was said, and not left unanswered since it is refused too much."""
+        self._now_us = now_us
+        outcomes = self.conversations.refuse(act, performative, content.expr(), now_us)
+        self._handle(outcomes, now_us)
+        return not any(isinstance(outcome, Unanswered) for outcome in outcomes)
+
     def decide(
         self, unit: str, conversation: str, performative: Performative, content: contents.Content, now_us: int
     ) -> None:
@@ -321,7 +331,7 @@ class Correspondence:
                     self._on_silence(conversation, f"platform {peer} is gone", now_us)
                 case PeerLost():
                     self._agents.on_lost(outcome.opening, now_us)
-                case Foreign():
+                case Foreign() | Unanswered():
                     pass
                 case Undelivered(act):
                     self._audit(now_us, "out", act.receiver.unit, act, "undelivered")
@@ -410,6 +420,8 @@ def _fate(act: Act, outcomes: list[Outcome]) -> str:
     """What became of a new act that is no request."""
     if any(isinstance(outcome, Foreign) for outcome in outcomes):
         return FOREIGN
+    if any(isinstance(outcome, Unanswered) for outcome in outcomes):
+        return UNANSWERED
     if any(isinstance(outcome, Reply) for outcome in outcomes):
         return "accepted"
     return "conversation refused" if act.performative in OPENING or act.performative is P.CANCEL else "late"

@@ -20,6 +20,7 @@ from federation.messages.codec import encode_act
 from federation.messages.contents import Progress
 from federation.messages.delivery import Delivery
 from federation.messages.receipts import Receipt, encode_receipt
+from federation.messages.refusals import Refusals
 from federation.messages.sexpr import Expr, QuotedText
 from federation.shares import MemberShare, own_share
 from federation.transport import Put
@@ -62,7 +63,7 @@ class Conversations:
         share_of: Callable[[str], MemberShare] = own_share,
     ) -> None:
         self.unit, self.boot, self._share_of = unit, boot, share_of
-        self.delivery = Delivery(unit, boot, encode, receipt_bytes)
+        self.delivery, self.refusals = Delivery(unit, boot, encode, receipt_bytes), Refusals(share_of)
         self._open: dict[_Name, protocols.Conversation] = {}
         self._due_us: int | None = None
         self._opened = 0
@@ -315,23 +316,38 @@ class Conversations:
         own = _beginning(peer, act.boot)
         if act.performative is not P.CANCEL and not conversation.startswith(own):
             said = f"what you ask opens a conversation of yours: its id begins with {own}"
-            return [self.delivery.send(self._no(act, P.REFUSE, said), now_us)[1]]
+            return self._refused(act, said, now_us)
         if (
             known is not None
             and known.phase in {protocols.Phase.AGREED, protocols.Phase.STANDING}
             and act.performative in protocols.OPENING
         ):
-            return [self.delivery.send(self._no(act, P.REFUSE, "this conversation is about something else"), now_us)[1]]
+            return self._refused(act, "this conversation is about something else", now_us)
         if act.performative is P.CANCEL:
             if known is None:
                 _remember(self._ended, (conversation, peer))
         elif (conversation, peer) in self._ended:  # its cancel overtook it
-            return [self.delivery.send(self._no(act, P.REFUSE, "this conversation was cancelled"), now_us)[1]]
+            return self._refused(act, "this conversation was cancelled", now_us)
         if known is None and self._is_full(peer):
-            return [self.delivery.send(self._no(act, P.REFUSE, "too many open conversations"), now_us)[1]]
+            return self._refused(act, "too many open conversations", now_us)
         phase = protocols.Phase.CANCELLING if act.performative is P.CANCEL else protocols.Phase.ASKED
         self._add(protocols.Conversation(act, peer, False, phase, now_us + min(within_us, REPLY_BY_MOST_US)))
         return [protocols.Incoming(act)]
+
+    def refuse(self, to: Act, performative: Performative, content: Expr, now_us: int) -> list[Outcome]:
+        """Answer `to` by a refusal, which ends its conversation; beyond so many a second without an answer."""
+        if self.refusals.admit(to.sender.unit, now_us):
+            return self.answer(to, performative, content, now_us)
+        self.delivery.forgo(to.sender.unit)
+        self._open.pop((to.conversation_id or "", to.sender.unit, False), None)
+        return [protocols.Unanswered(to)]
+
+    def _refused(self, act: Act, reason: str, now_us: int) -> list[Outcome]:
+        """The same, of an act that opens no conversation."""
+        if self.refusals.admit(act.sender.unit, now_us):
+            return [self.delivery.send(self._no(act, P.REFUSE, reason), now_us)[1]]
+        self.delivery.forgo(act.sender.unit)
+        return [protocols.Unanswered(act)]
 
     def _overdue(self, name: _Name, found: protocols.Conversation, now_us: int) -> list[Outcome]:
         del self._open[name]

@@ -38,6 +38,12 @@ class Foreign(NamedTuple):
     act: Act
 
 
+class Unanswered(NamedTuple):
+    """An act that is refused without an answer: its sender has been sent as many refusals as it may."""
+
+    act: Act
+
+
 class Reply(NamedTuple):
     """An answer in one of our conversations; `closed` says that it was the last."""
 
@@ -70,7 +76,7 @@ class PeerLost(NamedTuple):
     ours: bool
 
 
-ConversationEvent: TypeAlias = Incoming | Foreign | Reply | TimedOut | Undelivered | PeerLost
+ConversationEvent: TypeAlias = Incoming | Foreign | Unanswered | Reply | TimedOut | Undelivered | PeerLost
 
 
 class Phase(Enum):

@@ -4,13 +4,13 @@ from hashlib import sha256
 
 import pytest
 
-from agents.admission.limits import ACTS_BURST
 from agents.exchange.dormant import MOST_OF_ONE as WAITING
 from agents.subscribers import OF_ONE as FOLLOWED
 from agents.tasks.life import OF_ONE
 from federation.messages.acts import Performative
 from federation.messages.contents import ActList, Acts, Alarms, CheckFormula, MonitorProximity, Query, Reason
 from federation.security.trust import Role, Roster, RosterMember, Signer, Trust
+from federation.shares import ACTS_BURST
 from tests.agents.rosters import trust
 from tests.box import EPOCH, Box, Question, Vehicle
 
