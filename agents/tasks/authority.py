@@ -176,6 +176,10 @@ class Authority(Part):
         """Whether it may command vehicles, and so has a greater share of what is limited."""
         return self._role_of(unit) is Role.COMMAND_CENTRE
 
+    def owner(self, unit: str) -> str:
+        """The member behind a name, whose share of what is limited is used."""
+        return self._agent.acts.share_of(unit).owner
+
     # -- the order of succession -------------------------------------------------------------------------------
 
     def check_leads(self, found: TaskEvidence, unit: str, boot: int, now_us: int) -> None:
