@@ -13,6 +13,7 @@ from federation.messages import contents
 from federation.messages.acts import Act, AgentName, Performative
 from federation.messages.codec import decode_act, encode_act
 from federation.messages.conversations import Conversations, Outcome
+from federation.messages.dialogue import is_paged
 from federation.messages.protocols import (
     OPENING,
     PROTOCOLS,
@@ -155,10 +156,10 @@ class Correspondence:
         self._now_us = now_us
         conversation = conversation or self.conversations.new_conversation(unit)
         act = self._act(performative, unit, content, conversation, now_us + within_us)._replace(evidence=evidence)
-        is_paged = _is_paged(content)
-        self._pending[conversation] = _Pending(unit, on_reply, on_silence, is_paged)
+        in_pages = is_paged(content)
+        self._pending[conversation] = _Pending(unit, on_reply, on_silence, in_pages)
         try:
-            _, outcomes = self.conversations.send(act, now_us, standing=standing or is_paged)
+            _, outcomes = self.conversations.send(act, now_us, standing=standing or in_pages)
         except (Refused, ContentError):
             del self._pending[conversation]
             raise
@@ -396,24 +397,6 @@ class Correspondence:
         """Acknowledge what no act of this step did."""
         for put in self.conversations.flush():
             self._emit(put)
-
-
-def _is_paged(content: contents.Content) -> bool:
-    """Whether the answer may come in several acts."""
-    if isinstance(content, contents.Query | contents.QueryStream):
-        return content.op in {"between", "last", "slice"}
-    return isinstance(
-        content,
-        contents.AlarmList
-        | contents.ActList
-        | contents.ImportList
-        | contents.Monitors
-        | contents.ObjectEvents
-        | contents.ObjectList
-        | contents.ObjectPicture
-        | contents.SaliencyRows
-        | contents.Specification,
-    )
 
 
 def _fate(act: Act, outcomes: list[Outcome]) -> str:

@@ -19,6 +19,7 @@ from federation.messages.acts import Act, AgentName, Performative
 from federation.messages.codec import encode_act
 from federation.messages.contents import Progress
 from federation.messages.delivery import Delivery
+from federation.messages.ends import GIVEN_UP, LOST, cancel_of
 from federation.messages.receipts import Receipt, encode_receipt
 from federation.messages.refusals import Refusals
 from federation.messages.sexpr import Expr, QuotedText
@@ -32,10 +33,6 @@ RESULT_WITHIN_US = 10_000_000
 OPEN_PER_PEER = 64
 PEERS = 512
 ANSWERED = 1024
-LOST = Expr("cancel", {"because": "lost"})
-"""The content of a cancel that follows from the loss of a peer."""
-GIVEN_UP = Expr("cancel", {"because": "silence"})
-"""The content of a cancel that follows from an answer that did not come in time."""
 TOO_LATE = Expr("leave-proposal", {"because": QuotedText("the call is over")})
 """The content of the rejection of a proposal that comes after it was due."""
 
@@ -167,7 +164,7 @@ class Conversations:
         found = self._open.get((conversation, peer, True))
         if found is None or found.phase is protocols.Phase.CANCELLING:
             return []
-        return self.send(_cancel(found.opening), now_us)[1]
+        return self.send(cancel_of(found.opening), now_us)[1]
 
     def close(self, conversation: str, peer: str) -> None:
         """Forget a standing conversation whose end both sides know, such as that of a stream that has run out."""
@@ -212,7 +209,7 @@ class Conversations:
             found = self._open.pop(name)
             events.append(protocols.PeerLost(name[0], found.opening, unit, found.ours))
             if found.standing and found.phase is not protocols.Phase.CANCELLING:
-                lost = _cancel(found.opening, LOST)
+                lost = cancel_of(found.opening, LOST)
                 mine = lost if found.ours else self._no(found.opening, P.FAILURE, f"{unit} was gone")
                 dropped.append(mine)
         if dropped:
@@ -370,7 +367,7 @@ class Conversations:
         """Silence. The participant of a standing conversation may have begun all the same: it is sent a cancel."""
         outcome: list[Outcome] = [protocols.TimedOut(conversation, found.opening, why)]
         if found.standing and found.phase is not protocols.Phase.CANCELLING and found.peer != keys.EVERYBODY:
-            outcome.append(self.delivery.send(_cancel(found.opening, GIVEN_UP), now_us)[1])
+            outcome.append(self.delivery.send(cancel_of(found.opening, GIVEN_UP), now_us)[1])
         return outcome
 
     def _no(self, to: Act, performative: Performative, reason: str) -> Act:
@@ -402,29 +399,6 @@ def _remember(ended: dict[_K, None], name: _K) -> None:
     ended[name] = None
     while len(ended) > ANSWERED:
         del ended[next(iter(ended))]
-
-
-def is_lost(cancel: Act) -> bool:
-    """Whether a cancel was sent only because its sender had lost sight of the receiver, not because a user wants it."""
-    return cancel.content == LOST
-
-
-def is_given_up(cancel: Act) -> bool:
-    """Whether a cancel was sent only because its sender got no answer: it, or another platform, may ask again."""
-    return cancel.content == GIVEN_UP
-
-
-def _cancel(opening: Act, content: Expr | None = None) -> Act:
-    """The cancel of what we had opened."""
-    return Act(
-        P.CANCEL,
-        opening.sender,
-        opening.receiver,
-        content or Expr("cancel"),
-        opening.conversation_id,
-        opening.protocol,
-        ontology=opening.ontology,
-    )
 
 
 def _is_progress(act: Act) -> bool:

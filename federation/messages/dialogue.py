@@ -2,6 +2,7 @@
 
 from dataclasses import dataclass, field
 
+from federation.messages import contents
 from federation.messages.acts import Act, Performative
 from federation.messages.contents import Content, Reason
 
@@ -60,3 +61,21 @@ class Dialogue:
             return self.failed
         performative, reason = self.refusal
         return f"{performative}: {performative if reason is None else reason.text}"
+
+
+def is_paged(content: contents.Content) -> bool:
+    """Whether the answer may come in several acts."""
+    if isinstance(content, contents.Query | contents.QueryStream):
+        return content.op in {"between", "last", "slice"}
+    return isinstance(
+        content,
+        contents.AlarmList
+        | contents.ActList
+        | contents.ImportList
+        | contents.Monitors
+        | contents.ObjectEvents
+        | contents.ObjectList
+        | contents.ObjectPicture
+        | contents.SaliencyRows
+        | contents.Specification,
+    )
