@@ -5,6 +5,7 @@ from collections.abc import Callable, Iterator
 from contextlib import contextmanager
 from typing import Final, Literal, NamedTuple
 
+from federation.members.correspondence import UNANSWERED
 from federation.messages.acts import Act
 
 Direction = Literal["in", "out"]
@@ -39,9 +40,12 @@ class AuditLog:
         self._listeners.append(listener)
 
     def enter(self, at_us: int, direction: Direction, peer: str, act: Act | None, outcome: str) -> None:
-        """Note one act; `outcome` is `accepted`, `sent`, or a short reason that is counted."""
+        """Note one act; `outcome` is `accepted`, `sent`, or a short reason that is counted; what is not answered is only counted."""
         if self._held is not None:
             self._held.append((at_us, direction, peer, act, outcome))
+            return
+        if outcome == UNANSWERED:
+            self.counts[direction, outcome] += 1
             return
         self._number += 1
         entry = AuditEntry(self._number, at_us, direction, peer, act, outcome)

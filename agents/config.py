@@ -4,13 +4,13 @@ from collections.abc import Callable, Mapping
 from dataclasses import dataclass, field
 from typing import Literal
 
-from agents.admission.limits import ACTS_BURST, ACTS_PER_S
 from agents.flight.places import FlightLimits, FlightPlan
 from agents.part import Part
 from anchoring.roads.network import RoadNetwork
 from dyknow import Prototype
 from federation.members.clock import FederationClock
 from federation.security.trust import Trust
+from federation.shares import ACTS_BURST, ACTS_PER_S
 from federation.sharing.ontology import Ontology, default_ontology
 from federation.sharing.translation import Translation
 from navigation.cameras.rig import CameraRig

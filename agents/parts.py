@@ -15,7 +15,6 @@ from typing import Any, TypeVar
 
 from agents.actions import ROLES, Role
 from agents.admission.admission import Admission
-from agents.admission.limits import ActLimits
 from agents.admission.message_log import MessageLog
 from agents.admission.trusted import PlatformTrust
 from agents.anchors.recovering import RecoveringAnchors
@@ -83,7 +82,7 @@ from federation.members.member import Member, MemberAgents
 from federation.members.offers import Service
 from federation.members.offsets import ClockOffsets
 from federation.messages.descriptions import ConditionEntry, LabelEntry
-from federation.shares import MemberShare
+from federation.shares import ActLimits, MemberShare
 from federation.sharing.exports import Exports
 from federation.sharing.translation import Convert, Translation
 from federation.transport import Reopen, WireEffect

@@ -108,7 +108,8 @@ class Client:
         self.now_us, self._mailbox, self._trouble = around.now_us, around.mailbox, around.trouble
         self._wire = around.open_wire(self._mailbox.put, self.now_us)
         self._since_us = self.now_us()
-        self.centre = make_centre(self._wire.zid, self._since_us)
+        self.centre, self._not_heard = make_centre(self._wire.zid, self._since_us), set[str]()
+        self.centre.on_refused = self._say_refused
         self._perform(self.centre.start(self.now_us()))
 
     def __enter__(self) -> Self:
@@ -124,6 +125,12 @@ class Client:
             self._perform(self.centre.leave(self.now_us()))
         finally:
             self._wire.close()
+
+    def _say_refused(self, unit: str) -> None:
+        """Say once of each member that it speaks in a conversation of others."""
+        if unit not in self._not_heard:
+            self._not_heard.add(unit)
+            self.on_trouble(unit, "it spoke in a conversation that it takes no part in, and is not heard there")
 
     def _perform(self, effects: list[WireEffect]) -> None:
         for effect in effects:

@@ -4,23 +4,24 @@ A public service answers any agent on any platform, a protected one only through
 platform is no service: its parts call each other, and no act reaches that. Times are the node clock.
 """
 
-from collections.abc import Callable, Sequence
+from collections.abc import Callable, Iterable, Sequence
 from typing import Any, TypeAlias
 
 from agents.actions import Action, Role, ServiceTable
-from agents.admission.limits import TEXT_BURST, TEXT_PER_S, ActLimits, text_in
+from agents.admission.limits import TEXT_BURST, TEXT_PER_S, text_in
 from agents.containment import Containment, place_of
 from agents.interface import InterfaceAgent
 from agents.part import ClockCompared, Followed, Part, PeerChange
-from agents.tasks.command_watch import CommandWatch
+from agents.tasks.command_watch import SHOWN, CommandWatch
 from dyknow.model import errors
 from federation import keys
-from federation.members.correspondence import INTERFACE
+from federation.members.correspondence import INTERFACE, UNANSWERED
 from federation.members.offers import Service, Visibility
 from federation.messages.acts import Act, Performative
 from federation.messages.contents import Done, Reason, read
+from federation.messages.descriptions import ConditionEntry
 from federation.messages.protocols import OPENING
-from federation.shares import COMMANDING, MemberShare
+from federation.shares import COMMANDING, ActLimits, MemberShare
 from federation.transport import Arrived
 
 P = Performative
@@ -61,6 +62,7 @@ class Admission(Part):
         refuse: counts what is dropped before it is an act.
         contain: what becomes of an act whose part raises.
         watch: takes acts that are refused for their sender.
+        offer: called when what is shown changes.
 
     Raises:
         UnitError: a part has no method that an action of it names.
@@ -80,9 +82,10 @@ class Admission(Part):
         refuse: Callable[[str], None],
         contain: Containment,
         watch: CommandWatch,
+        offer: Callable[[int], None],
     ) -> None:
         self._interface, self._parts, self._limits, self._role_of = agent, tuple(parts), limits, role_of
-        self._share_of = share_of
+        self._share_of, self._offer, self._refusals = share_of, offer, agent.conversations.refusals
         self._texts = ActLimits(TEXT_PER_S, TEXT_BURST)
         self._contain, self._refuse, self._unit, self._watch = contain, refuse, agent.unit, watch
         self.table = ServiceTable(offer for part in parts for offer in part.offers)
@@ -113,10 +116,15 @@ class Admission(Part):
     @property
     def deadline_us(self) -> int | None:
         """At once, for a request whose condition has become true."""
-        return 0 if self._interface.requests else None
+        return 0 if self._interface.requests else self._refusals.deadline_us
 
     def on_time(self, now_us: int) -> None:
+        self._refusals.on_time(now_us)
         self._admit_all(now_us)
+
+    def conditions(self) -> Iterable[ConditionEntry]:
+        """The members that are refused more than is answered."""
+        return [ConditionEntry(text=each.text, since_us=each.since_us) for each in [*self._refusals.shown()][-SHOWN:]]
 
     def flush(self) -> None:
         """Acknowledge what no act of this step did."""
@@ -135,20 +143,25 @@ class Admission(Part):
             else:
                 opening = interface.lost.pop(0)
                 any(self._contain.call(part.on_lost, opening, now_us, otherwise=False) for part in self._parts)
+        if self._refusals.is_news:
+            self._refusals.is_news = False
+            self._offer(now_us)
 
     def _consider(self, act: Act, now_us: int) -> str:
         """Do what the act asks for, or answer why not; returns the outcome in words."""
         try:
             self._admit(act, now_us)
         except errors.ContentError as wrong:
-            self._answer(act, P.NOT_UNDERSTOOD, wrong, now_us)
-            return f"not understood: {wrong}"
+            is_said = self._answer(act, P.NOT_UNDERSTOOD, wrong, now_us)
+            return f"not understood: {wrong}" if is_said else UNANSWERED
         except errors.ValueNotAvailable as wrong:
             self._answer(act, P.FAILURE, wrong, now_us)
         except errors.DyknowError as wrong:
-            self._answer(act, P.REFUSE, wrong, now_us)
+            is_said = self._answer(act, P.REFUSE, wrong, now_us)
             if isinstance(wrong, errors.Refused):
                 self._watch.refuse(act, wrong, now_us)
+            if not is_said:
+                return UNANSWERED
             return f"{wrong.code.replace('-', ' ') if isinstance(wrong, Denied) else 'refused'}: {wrong}"
         except Exception as wrong:  # noqa: BLE001  (contained)
             head = "cancel" if act.content is None else act.content.head
@@ -160,10 +173,11 @@ class Admission(Part):
             return f"failed: {type(wrong).__name__}"
         return "accepted"
 
-    def _answer(self, act: Act, performative: Performative, error: errors.DyknowError, now_us: int) -> None:
-        """Send a refusal. Never answer a not-understood, or two agents could loop."""
-        if act.performative in OPENING or act.performative is P.CANCEL:
-            self._interface.answer(act._replace(reply_to=None), performative, reason_of(error), now_us)
+    def _answer(self, act: Act, performative: Performative, error: errors.DyknowError, now_us: int) -> bool:
+        """Send a refusal; False if its sender is sent too many. Never answer a not-understood, or two agents could loop."""
+        if act.performative not in OPENING and act.performative is not P.CANCEL:
+            return True
+        return self._interface.acts.refuse(act._replace(reply_to=None), performative, reason_of(error), now_us)
 
     def _admit(self, act: Act, now_us: int) -> None:
         """Through the door, or not.

@@ -112,8 +112,9 @@ class AreaAssignment(Part):
 
     def _check_room(self, sender: str, evidence: TaskEvidence) -> None:
         others = [each for task, each in self.known.items() if task != evidence.task]
-        of_sender = sum(each.leader == sender for each in others)
-        for_one = sum(each.evidence.delegator == evidence.delegator for each in others)
+        owner = self._authority.owner
+        of_sender = sum(owner(each.leader) == owner(sender) for each in others)
+        for_one = sum(owner(each.evidence.delegator) == owner(evidence.delegator) for each in others)
         is_share = for_one < MOST_FOR_ONE or self._authority.is_centre(evidence.delegator)
         if of_sender >= MOST_OF_ONE or len(others) >= MOST or not is_share:
             text = f"there are {len(others)} pieces here, {of_sender} of {sender}, {for_one} for {evidence.delegator}"

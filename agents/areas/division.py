@@ -154,7 +154,8 @@ class AreaDivision(Part):
         authority.held.append(lambda: [divided.evidence for divided in self.areas.values()])
 
     def _check_room(self, delegator: str) -> None:
-        of_one = sum(each.delegator == delegator for each in self.areas.values())
+        owner = self._authority.owner
+        of_one = sum(owner(each.delegator) == owner(delegator) for each in self.areas.values())
         if len(self.areas) >= MOST or (of_one >= MOST_OF_ONE and not self._authority.is_centre(delegator)):
             text = f"this platform divides {len(self.areas)} areas already, {of_one} of them for {delegator}"
             raise Refused(text, "too-many-tasks")

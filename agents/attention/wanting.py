@@ -102,9 +102,11 @@ class Wanting(Part):
                 wrong; `taken`; the requester may not see such objects.
         """
         conversation, sender = self._tasks.check_free(act.conversation_id, act.sender.unit), act.sender.unit
-        held = [each.symbol for each in self._searches.values() if each.task.initiator == sender]
-        if len(held) >= MOST_OF_ONE:
-            text = f"{sender} has {len(held)} objects looked for here already, {', '.join(held)}: cancel one (dyknow tasks)"
+        share_of = self._agent.acts.share_of
+        owner, shares = share_of(sender)
+        held = [each.symbol for each in self._searches.values() if share_of(each.task.initiator).owner == owner]
+        if len(held) >= MOST_OF_ONE * shares:
+            text = f"{sender} has {len(held)} objects looked for here already, {', '.join(held[:16])}: cancel one (dyknow tasks)"
             raise Refused(text, "too-many")
         stream = self._stream(content.type)
         self._agreements.check_stream(sender, stream)

@@ -30,9 +30,8 @@ from federation.messages.contents import (
 
 P = Performative
 STAND_US: Final = 600_000_000
-OF_ONE: Final = 16
-OF_ALL: Final = 256
-"""Proposals that stand at once for one caller, and for all."""
+OF_ONE, OF_A_CENTRE, OF_ALL = 16, 64, 256
+"""Proposals that stand at once for a member, for a command centre with all its commands, and in all."""
 CALLS: Final = 4096
 """Calls by which a second one for the same is known."""
 TASK: Final = CallForStream.head
@@ -102,8 +101,14 @@ class Bids(Part):
             raise Refused(f"a proposal was made for this call: {content.call}", "proposed-already")
         if self._shedding.level:
             raise Refused("this platform has too much to do", "busy")
-        if len(self._standing) >= OF_ALL or sum(name.unit == caller for name in self._standing) >= OF_ONE:
-            raise Refused(f"{OF_ONE} proposals stand for {caller}, or {OF_ALL} in all: leave some", "busy")
+        share_of = self._agent.acts.share_of
+        owner, shares = share_of(caller)
+        of_one, most = (
+            sum(share_of(name.unit).owner == owner for name in self._standing),
+            min(OF_ONE * shares, OF_A_CENTRE),
+        )
+        if len(self._standing) >= OF_ALL or of_one >= most:
+            raise Refused(f"{most} proposals stand for {owner}, or {OF_ALL} in all: leave some", "busy")
         name = _Named(caller, act.conversation_id or "")
         self._calls[caller, content.call] = None
         while len(self._calls) > CALLS:

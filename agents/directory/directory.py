@@ -167,9 +167,7 @@ class DirectoryAgent(Part):
         for unit, is_revoked in self._member.on_roster(event, now_us).items():
             whose = "this platform is revoked: no other is linked with it" if unit == self._member.unit else ""
             self._note(whose or f"{unit} is revoked: its link is closed, and nothing of it is kept")
-            ended = end_revoked(is_revoked, self._authority, self._tasks, now_us)
-            if ended:
-                self._note(f"{unit} is revoked, and what goes by its word ends: {', '.join(ended)}"[:MAX_TEXT])
+            end_revoked(unit, is_revoked, self._authority, self._tasks, now_us)
         return None
 
     def on_roster_kept(self, event: RosterKept, now_us: int) -> Followed:

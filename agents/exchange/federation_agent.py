@@ -87,12 +87,13 @@ class FederationAgent(Part):
         """
         owner = self._tasks.check_free(act.conversation_id, act.sender.unit)
         asker = act.sender.unit
-        held = sum(len(task.contracts) for task in self._tasks.of(asker))
-        if held + len(content.semantic_labels) > STREAMS_PER_PEER:
-            raise Refused(
-                f"this platform exports {held} streams for {asker}; {STREAMS_PER_PEER} are the most",
-                "too-many-subscriptions",
-            )
+        share_of = self._agent.acts.share_of
+        wanted, (requester, shares) = self._tasks.all(), share_of(asker)
+        held = sum(len(each.contracts) for each in wanted if share_of(each.initiator).owner == requester)
+        most = STREAMS_PER_PEER * shares
+        if held + len(content.semantic_labels) > most:
+            text = f"this platform exports {held} streams for {requester}; {most} are the most"
+            raise Refused(text, "too-many-subscriptions")
         contracts = self.export(content, owner, now_us)
         entry = self._directory.entry(asker)
         is_part = entry is not None and entry.kind == "uav"

@@ -8,7 +8,6 @@ from collections import OrderedDict
 from collections.abc import Callable, Iterable, Sequence
 from typing import Final
 
-from agents.admission.limits import TokenBucket
 from agents.effects import Reported
 from agents.part import NOT_MINE, Followed, Part
 from dyknow import (
@@ -28,6 +27,7 @@ from dyknow import (
 )
 from federation.members.clock import FederationClock
 from federation.messages.descriptions import LabelEntry
+from federation.shares import TokenBucket
 from federation.sharing.translation import LabelConversion, Translation
 from navigation.fusion import Estimate, PositionFilter
 from navigation.geodesy import metres_per_degree

@@ -270,7 +270,7 @@ class MissionLeading(Part):
     # -- control and state -------------------------------------------------------------------------------------------
 
     def on_control(self, act: Act, content: ControlMission, now_us: int) -> None:
-        """`(control-mission ...)`: suspend, resume or abort it; raises Refused: another platform has it."""
+        """`(control-mission ...)`: suspend or resume it; raises Refused: another platform has it."""
         led = self._find(content.mission)
         self._agent.done(act, now_us)
         match content.how:
@@ -278,8 +278,6 @@ class MissionLeading(Part):
                 led.take(events.MissionSuspended(f"{act.sender.unit} asked for it"), now_us)
             case "resume":
                 led.take(events.MissionResumed(), now_us)
-            case "abort":
-                led.end(f"{act.sender.unit} asked for it", now_us)
 
     def on_answer(self, act: Act, content: AnswerQuestion, now_us: int) -> None:
         """`(answer-question ...)`; raises Refused: the question is not open, or that is no answer."""

@@ -34,6 +34,8 @@ from reasoning import NEITHER_CAN_AVOID, AlarmEvent
 
 RETRY_US = 1_000_000
 """How long after a failure or silence a platform gets the next request for its part of a task."""
+RENEW_US = 10_000_000
+"""How long after it has requested everything anew, at the word of another platform, a coordinator does so again."""
 LED_BY_US = 2_000_000
 """The same, of one that follows another coordinator: that one hands over, or is gone, by then."""
 
@@ -179,9 +181,12 @@ class Coordination(Part):
     def _renew(self, task: str, now_us: int) -> None:
         """Request everything of the participants again: what a successor requested ends with the requests of the successor."""
         led = self._life.coordinated.get(task)
-        if led is not None and led.leader == self._unit:
-            for unit in led.members:
-                led.again_us.setdefault(unit, now_us + RETRY_US)
+        if led is None or led.leader != self._unit or (led.renewed_us is not None and now_us < led.renewed_us):
+            return
+        due_us = now_us + RETRY_US
+        led.renewed_us = due_us if led.renewed_us is None else max(due_us, led.renewed_us + RENEW_US)
+        for unit in led.members:
+            led.again_us.setdefault(unit, led.renewed_us)
 
     def _cancel_all(self, members: dict[str, list[str]], now_us: int) -> None:
         for unit, conversations in members.items():

@@ -7,9 +7,9 @@ Of one participant and monitor a limited number is passed on; the number left ou
 from collections.abc import Iterable
 from typing import NamedTuple
 
-from agents.admission.limits import ActLimits
 from dyknow import earlier
 from federation.messages.contents import Alarm
+from federation.shares import ActLimits
 
 CONFIRM_US = 1_000_000
 """How long after an alarm the others of its units may raise theirs."""

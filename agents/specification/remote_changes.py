@@ -7,7 +7,6 @@ chronicle files that this names; the code of units is never sent: they are named
 from collections.abc import Callable, Iterable, Sequence
 
 from agents.actions import QUERIED, Action, Offer, Role
-from agents.admission.limits import ActLimits
 from agents.interface import InterfaceAgent
 from agents.monitoring.monitors import UnitMonitors
 from agents.part import Part
@@ -19,6 +18,7 @@ from federation.members.clock import FederationClock
 from federation.messages import contents
 from federation.messages.acts import Act, Performative
 from federation.messages.contents.parts import uncontrolled
+from federation.shares import ActLimits
 from kpl import Specification, print_declaration, print_specification
 from kpl.checking.symbols import symbol_of
 from kpl.introspection.drawings import drawn

@@ -82,6 +82,7 @@ class Authority(Part):
 
     Attributes:
         on_over: called with the name of a task that is over everywhere.
+        on_revoked: called with a member that is revoked and the names of what ended here with its word.
         held: the evidence that each part goes by.
     """
 
@@ -101,6 +102,7 @@ class Authority(Part):
         self._ended_here: dict[str, None] = {}
         self._gone_us: dict[str, int] = {}
         self.on_over: list[Callable[[str, int], None]] = []
+        self.on_revoked: list[Callable[[str, tuple[str, ...], int], None]] = []
         self.held: list[Callable[[], Iterable[TaskEvidence]]] = []
 
     # -- evidence ----------------------------------------------------------------------------------------------
@@ -173,6 +175,10 @@ class Authority(Part):
     def is_centre(self, unit: str) -> bool:
         """Whether it may command vehicles, and so has a greater share of what is limited."""
         return self._role_of(unit) is Role.COMMAND_CENTRE
+
+    def owner(self, unit: str) -> str:
+        """The member behind a name, whose share of what is limited is used."""
+        return self._agent.acts.share_of(unit).owner
 
     # -- the order of succession -------------------------------------------------------------------------------
 

@@ -9,11 +9,11 @@ know yet that it is no successor any longer: such attempts are shown, and are no
 
 from collections.abc import Callable, Iterable
 from dataclasses import dataclass
-from typing import Final, Literal
+from typing import Final, Literal, NamedTuple
 
 from agents.interface import InterfaceAgent
 from agents.part import Part, PeerChange
-from agents.tasks.authority import TaskEvidence
+from agents.tasks.authority import Authority, TaskEvidence
 from dyknow.model.errors import Refused
 from federation.members.clock import FederationClock
 from federation.members.directory import DirectoryFacilitator
@@ -25,7 +25,8 @@ from reasoning import AlarmEvent
 
 COMMANDER: Final = "commander"
 REFUSED: Final = "refused-commander"
-ABOUT_COMMANDERS: Final = frozenset({COMMANDER, REFUSED})
+REVOKED: Final = "revoked-delegator"
+ABOUT_COMMANDERS: Final = frozenset({COMMANDER, REFUSED, REVOKED})
 """Alarms for users alone: the platform that they are about has no such monitor."""
 TURNS: Final = frozenset({"succession", "led-by"})
 """Refusals out of turn."""
@@ -34,6 +35,8 @@ CODES: Final = frozenset({"role", "unproven", *TURNS})
 SETTLED_US: Final = 5_000_000
 """How long after a platform has appeared all know the order."""
 QUIET_US: Final = 60_000_000
+REVOKED_US: Final = 600_000_000
+"""How long it is shown what ended with a revocation."""
 MOST: Final = 8
 """Platforms whose attempts are remembered."""
 SHOWN: Final = 2
@@ -56,6 +59,14 @@ class Attempts:
         if self.count == 1:
             return "once"
         return f"{max(2, 10 ** (len(str(self.count)) - 1))} times or more"
+
+
+class EndedByRevocation(NamedTuple):
+    """What went by the word of a member that is revoked, and the alarm about it."""
+
+    shown: ConditionEntry
+    alarm: str
+    until_us: int
 
 
 @dataclass(frozen=True, slots=True)
@@ -81,6 +92,7 @@ class CommandWatch(Part):
         agent: InterfaceAgent,
         clock: FederationClock,
         directory: DirectoryFacilitator,
+        authority: Authority,
         on_alarm: Callable[[AlarmEvent], None],
         note: Callable[[str], None],
         offer: Callable[[int], None],
@@ -89,12 +101,33 @@ class CommandWatch(Part):
         self._on_alarm, self._note, self._offer = on_alarm, note, offer
         self._commanded: Commanded | None = None
         self.refused: dict[str, Attempts] = {}
+        self._revoked: dict[str, EndedByRevocation] = {}
         self._appeared_us = -SETTLED_US
+        authority.on_revoked.append(self._on_revoked)
 
     def conditions(self) -> Iterable[ConditionEntry]:
         for unit, each in list(self.refused.items())[-SHOWN:]:
             text = f"refused to {unit}, {each.how}: {each.what}"
             yield ConditionEntry(text=text[:_TEXT], since_us=each.since_us)
+        for ended in list(self._revoked.values())[-SHOWN:]:
+            yield ended.shown
+
+    def _on_revoked(self, unit: str, ended: tuple[str, ...], now_us: int) -> None:
+        """What goes by the word of a member ends here, since that member is revoked."""
+        text = f"{unit} is revoked, and what goes by its word ends: {', '.join(ended)}"
+        self._note(text[: 2 * _TEXT])
+        self._end_shown(unit, now_us)
+        alarm = f"{REVOKED}/{self._unit}/{unit}/{now_us}"
+        shown = ConditionEntry(text=text[:_TEXT], since_us=now_us)
+        self._revoked[unit] = EndedByRevocation(shown, alarm, now_us + REVOKED_US)
+        self._raise(alarm, "opened", REVOKED, unit, now_us, tasks=", ".join(ended)[:_TEXT])
+        self._offer(now_us)
+
+    def _end_shown(self, unit: str, now_us: int) -> None:
+        ended = self._revoked.pop(unit, None)
+        if ended is not None:
+            self._raise(ended.alarm, "closed", REVOKED, unit, now_us)
+            self._offer(now_us)
 
     # -- who is obeyed -----------------------------------------------------------------------------------------
 
@@ -160,11 +193,17 @@ class CommandWatch(Part):
 
     @property
     def deadline_us(self) -> int | None:
-        return min((each.last_us + QUIET_US for each in self.refused.values()), default=None)
+        return min(
+            [each.last_us + QUIET_US for each in self.refused.values()]
+            + [each.until_us for each in self._revoked.values()],
+            default=None,
+        )
 
     def on_time(self, now_us: int) -> None:
         for unit in [unit for unit, each in self.refused.items() if each.last_us + QUIET_US <= now_us]:
             self._forget(unit, now_us)
+        for unit in [unit for unit, each in self._revoked.items() if each.until_us <= now_us]:
+            self._end_shown(unit, now_us)
 
     def _raise(
         self, alarm: str, event: Literal["opened", "closed"], monitor: str, about: str, now_us: int, **values: str

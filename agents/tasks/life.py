@@ -42,7 +42,7 @@ from federation.messages.contents import (
     Tasks,
 )
 from federation.messages.contents.parts import next_generation
-from federation.messages.conversations import is_given_up, is_lost
+from federation.messages.ends import is_given_up, is_lost
 from federation.sharing.exports import LINGER_US, Exports
 
 TOMBSTONES = 1000

@@ -11,12 +11,13 @@ from agents.tasks.life import TaskLife
 
 
 def end_revoked(
-    is_revoked: Callable[[str], bool], authority: Authority, tasks: TaskLife, now_us: int
-) -> tuple[str, ...]:
-    """End permits, missions, divisions, pieces, monitors and other tasks of members that are revoked; returns their names."""
+    unit: str, is_revoked: Callable[[str], bool], authority: Authority, tasks: TaskLife, now_us: int
+) -> None:
+    """A member, with its commands, is revoked: end its permits, missions, divisions, pieces, monitors and other tasks."""
     ended = dict.fromkeys(authority.end_of(is_revoked, now_us))
     for task in tasks.all():
         if not task.is_part and is_revoked(task.initiator) and tasks.get(task.conversation) is task:
             tasks.end(task, "the revocation of its delegator", now_us)
             ended[task.conversation] = None
-    return tuple(ended)
+    for report in authority.on_revoked if ended else ():
+        report(unit, tuple(ended), now_us)

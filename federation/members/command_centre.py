@@ -9,11 +9,12 @@ from typing import Protocol, TypeAlias
 from dyknow.model.errors import ContentError
 from federation import keys
 from federation.members.clock import FederationClock
-from federation.members.correspondence import REPLY_WITHIN_US, Direction
+from federation.members.correspondence import FOREIGN, REPLY_WITHIN_US, Direction
 from federation.members.directory import DirectoryEntry, DirectoryEvent, unit_order
 from federation.members.imports import ImportName
 from federation.members.liveness import PeerState
 from federation.members.member import Member
+from federation.members.participants import Participants
 from federation.messages.acts import Act, Performative
 from federation.messages.codec import StreamSample
 from federation.messages.contents import Content, EndStream, Progress, Reason, Stream, TaskOver, read
@@ -70,6 +71,7 @@ class CommandCentre:
     Attributes:
         refused: acts that were not accepted, by reason; `member.refused` has the events.
         on_sample: takes the samples of all streams that were announced to it.
+        on_refused: called with a member that speaks in a conversation that it takes no part in.
         followed: what it has delegated, by conversation, of which later news are taken.
     """
 
@@ -88,6 +90,8 @@ class CommandCentre:
             unit, now_us // 1000, now_us, self, self._audit, self._effects.append, zid=zid, trust=trust, clock=clock
         )
         self.on_sample: OnSample = lambda _name, _sample, _at_us: None
+        self.on_refused: Callable[[str], None] = lambda _unit: None
+        self._participants = Participants(self._is_platform)
         self._calls: list[Steppable] = []
         self.followed: dict[str, Dialogue] = {}
         self._changed_us = now_us
@@ -136,7 +140,7 @@ class CommandCentre:
             Refused: too many are open.
             ContentError: the content cannot be encoded.
         """
-        dialogue = Dialogue(unit)
+        dialogue = Dialogue(unit, about=content)
         dialogue.conversation = self.member.acts.ask(
             unit,
             content,
@@ -152,6 +156,7 @@ class CommandCentre:
 
     def follow(self, dialogue: Dialogue, task: str = "") -> None:
         """Take later news of what was delegated, also of other platforms than the delegate; `task`: its name, if it has another."""
+        self._participants.permit(dialogue.about)
         self.followed[task or dialogue.conversation] = dialogue
         if len(self.followed) > STANDING:
             del self.followed[next(iter(self.followed))]
@@ -250,25 +255,53 @@ class CommandCentre:
         except ContentError:
             self.refused["not understood"] += 1
             return
-        if isinstance(content, Progress):
-            self._on_progress(act, content, now_us)
         if isinstance(content, Stream | EndStream):
-            for label in content.semantic_labels:
-                name = (content.owner, label, content.hash)
-                if isinstance(content, Stream):
-                    self.member.import_stream(name, partial(self._on_samples, name), now_us)
-                else:
-                    self.member.end_import(name)
+            self._on_stream(act.sender.unit, content, now_us)
+        elif self._takes_part(act, content) and isinstance(content, Progress):
+            self._on_progress(act, content, now_us)
+
+    def _on_stream(self, sender: str, content: Stream | EndStream, now_us: int) -> None:
+        """A platform announces, or ends, a stream of its own."""
+        if content.owner != sender:
+            self.refused["not its stream"] += 1
+            return
+        for label in content.semantic_labels:
+            name = (content.owner, label, content.hash)
+            if isinstance(content, Stream):
+                self.member.import_stream(name, partial(self._on_samples, name), now_us)
+            else:
+                self.member.end_import(name)
+
+    def _takes_part(self, act: Act, content: Content | None) -> bool:
+        """Whether the sender takes part in what was asked for in that conversation; while its delegate is heard, others
+        report of themselves alone. What is no longer followed is left alone.
+        """
+        dialogue, sender = self.followed.get(act.conversation_id or ""), act.sender.unit
+        if dialogue is None or sender == dialogue.unit:
+            return dialogue is not None
+        of_others = isinstance(content, Progress) and content.unit not in {None, sender} and not dialogue.over
+        is_heard = not of_others and self._participants.includes(sender, dialogue.about)
+        if not is_heard:
+            self._refuse(sender)
+        return is_heard
+
+    def _is_platform(self, unit: str) -> bool:
+        """By the roster, or, where there is none, by what it says of itself."""
+        if self.member.trust is not None:
+            member = self.member.trust.roster.member(unit)
+            return member is not None and member.role == "uav" and not member.revoked
+        entry = self.member.directory.entry(unit)
+        return entry is not None and entry.kind == "uav"
+
+    def _refuse(self, unit: str) -> None:
+        self.refused[FOREIGN] += 1
+        self.on_refused(unit)
 
     def _on_progress(self, act: Act, content: Progress, now_us: int) -> None:
-        """A platform reports of a task after its delegate has gone; several that report the same do so once."""
-        dialogue = self.followed.get(act.conversation_id or "")
-        is_answered = dialogue is not None and dialogue.over and dialogue.failed is None
-        if (
-            dialogue is None
-            or is_answered
-            or any(getattr(each, "step", None) == content.step for _, each in dialogue.said)
-        ):
+        """A platform reports of a task that it takes part in; several that report the same do so once."""
+        dialogue = self.followed[act.conversation_id or ""]
+        is_answered = dialogue.over and dialogue.failed is None
+        if is_answered or any(getattr(each, "step", None) == content.step for _, each in dialogue.said):
             return
         dialogue.on_reply(act, content, False, now_us)
         if dialogue.over:
@@ -277,8 +310,10 @@ class CommandCentre:
     def on_lost(self, opening: Act, now_us: int) -> None:
         """Nothing was promised."""
 
-    def _audit(self, _at_us: int, _direction: Direction, _peer: str, _act: Act | None, outcome: str) -> None:
-        if outcome not in {"sent", "accepted"}:
+    def _audit(self, _at_us: int, _direction: Direction, peer: str, _act: Act | None, outcome: str) -> None:
+        if outcome == FOREIGN:
+            self._refuse(peer)
+        elif outcome not in {"sent", "accepted"}:
             self.refused[outcome] += 1
 
     def _on_samples(self, name: ImportName, samples: Sequence[StreamSample], at_us: int) -> None:

@@ -13,7 +13,18 @@ from federation.messages import contents
 from federation.messages.acts import Act, AgentName, Performative
 from federation.messages.codec import decode_act, encode_act
 from federation.messages.conversations import Conversations, Outcome
-from federation.messages.protocols import OPENING, PROTOCOLS, Incoming, PeerLost, Reply, TimedOut, Undelivered
+from federation.messages.dialogue import is_paged
+from federation.messages.protocols import (
+    OPENING,
+    PROTOCOLS,
+    Foreign,
+    Incoming,
+    PeerLost,
+    Reply,
+    TimedOut,
+    Unanswered,
+    Undelivered,
+)
 from federation.messages.receipts import (
     RECEIPT_AGENT,
     Receipt,
@@ -32,6 +43,10 @@ INTERFACE = "interface"
 """The agent that speaks for a member, and is spoken to by others."""
 ONTOLOGY = "dyknow"
 REPLY_WITHIN_US = 2_000_000
+FOREIGN = "not its conversation"
+"""What becomes of an act in a conversation of others."""
+UNANSWERED = "not answered"
+"""What becomes of an act that is refused in silence, since its sender was refused so much."""
 
 Direction: TypeAlias = Literal["in", "out"]
 OnReply: TypeAlias = Callable[[Act, contents.Content | None, bool, int], None]
@@ -141,10 +156,10 @@ class Correspondence:
         self._now_us = now_us
         conversation = conversation or self.conversations.new_conversation(unit)
         act = self._act(performative, unit, content, conversation, now_us + within_us)._replace(evidence=evidence)
-        is_paged = _is_paged(content)
-        self._pending[conversation] = _Pending(unit, on_reply, on_silence, is_paged)
+        in_pages = is_paged(content)
+        self._pending[conversation] = _Pending(unit, on_reply, on_silence, in_pages)
         try:
-            _, outcomes = self.conversations.send(act, now_us, standing=standing or is_paged)
+            _, outcomes = self.conversations.send(act, now_us, standing=standing or in_pages)
         except (Refused, ContentError):
             del self._pending[conversation]
             raise
@@ -178,6 +193,13 @@ class Correspondence:
         self._now_us = now_us
         expr = None if content is None else content.expr()
         self._handle(self.conversations.answer(act, performative, expr, now_us, standing=standing), now_us)
+
+    def refuse(self, act: Act, performative: Performative, content: contents.Content, now_us: int) -> bool:
+        """Refuse an act of another platform; whether that was said, and not left unanswered since it is refused too much."""
+        self._now_us = now_us
+        outcomes = self.conversations.refuse(act, performative, content.expr(), now_us)
+        self._handle(outcomes, now_us)
+        return not any(isinstance(outcome, Unanswered) for outcome in outcomes)
 
     def decide(
         self, unit: str, conversation: str, performative: Performative, content: contents.Content, now_us: int
@@ -310,20 +332,21 @@ class Correspondence:
                     self._on_silence(conversation, f"platform {peer} is gone", now_us)
                 case PeerLost():
                     self._agents.on_lost(outcome.opening, now_us)
+                case Foreign() | Unanswered():
+                    pass
                 case Undelivered(act):
                     self._audit(now_us, "out", act.receiver.unit, act, "undelivered")
                 case _:
                     self._emit(outcome)
 
     def _on_incoming(self, act: Act, now_us: int) -> None:
-        """An act that answers none of ours; in a conversation of ours with another platform only progress is heard."""
-        conversation = act.conversation_id or ""
-        if conversation not in self._pending or act.performative in OPENING or act.performative is P.CANCEL:
+        """An act that answers none of ours; in a conversation of ours that waits for another platform only progress is heard."""
+        is_asked = act.performative in OPENING or act.performative is P.CANCEL
+        is_progress = act.content is not None and act.content.head == contents.Progress.head
+        if is_asked or is_progress or (act.conversation_id or "") not in self._pending:
             self._agents.on_request(act, now_us)
-        elif act.content is not None and act.content.head == contents.Progress.head:
-            self._on_reply(conversation, act, is_last=False, now_us=now_us)
         else:
-            self._audit(now_us, "in", act.sender.unit, act, "not its conversation")
+            self._audit(now_us, "in", act.sender.unit, act, FOREIGN)
 
     def _on_reply(self, conversation: str, act: Act, *, is_last: bool, now_us: int) -> None:
         pending = self._pending.get(conversation)
@@ -376,26 +399,12 @@ class Correspondence:
             self._emit(put)
 
 
-def _is_paged(content: contents.Content) -> bool:
-    """Whether the answer may come in several acts."""
-    if isinstance(content, contents.Query | contents.QueryStream):
-        return content.op in {"between", "last", "slice"}
-    return isinstance(
-        content,
-        contents.AlarmList
-        | contents.ActList
-        | contents.ImportList
-        | contents.Monitors
-        | contents.ObjectEvents
-        | contents.ObjectList
-        | contents.ObjectPicture
-        | contents.SaliencyRows
-        | contents.Specification,
-    )
-
-
 def _fate(act: Act, outcomes: list[Outcome]) -> str:
     """What became of a new act that is no request."""
+    if any(isinstance(outcome, Foreign) for outcome in outcomes):
+        return FOREIGN
+    if any(isinstance(outcome, Unanswered) for outcome in outcomes):
+        return UNANSWERED
     if any(isinstance(outcome, Reply) for outcome in outcomes):
         return "accepted"
     return "conversation refused" if act.performative in OPENING or act.performative is P.CANCEL else "late"

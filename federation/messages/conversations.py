@@ -19,7 +19,9 @@ from federation.messages.acts import Act, AgentName, Performative
 from federation.messages.codec import encode_act
 from federation.messages.contents import Progress
 from federation.messages.delivery import Delivery
+from federation.messages.ends import GIVEN_UP, LOST, cancel_of
 from federation.messages.receipts import Receipt, encode_receipt
+from federation.messages.refusals import Refusals
 from federation.messages.sexpr import Expr, QuotedText
 from federation.shares import MemberShare, own_share
 from federation.transport import Put
@@ -31,10 +33,6 @@ RESULT_WITHIN_US = 10_000_000
 OPEN_PER_PEER = 64
 PEERS = 512
 ANSWERED = 1024
-LOST = Expr("cancel", {"because": "lost"})
-"""The content of a cancel that follows from the loss of a peer."""
-GIVEN_UP = Expr("cancel", {"because": "silence"})
-"""The content of a cancel that follows from an answer that did not come in time."""
 TOO_LATE = Expr("leave-proposal", {"because": QuotedText("the call is over")})
 """The content of the rejection of a proposal that comes after it was due."""
 
@@ -62,7 +60,7 @@ class Conversations:
         share_of: Callable[[str], MemberShare] = own_share,
     ) -> None:
         self.unit, self.boot, self._share_of = unit, boot, share_of
-        self.delivery = Delivery(unit, boot, encode, receipt_bytes)
+        self.delivery, self.refusals = Delivery(unit, boot, encode, receipt_bytes), Refusals(share_of)
         self._open: dict[_Name, protocols.Conversation] = {}
         self._due_us: int | None = None
         self._opened = 0
@@ -166,7 +164,7 @@ class Conversations:
         found = self._open.get((conversation, peer, True))
         if found is None or found.phase is protocols.Phase.CANCELLING:
             return []
-        return self.send(_cancel(found.opening), now_us)[1]
+        return self.send(cancel_of(found.opening), now_us)[1]
 
     def close(self, conversation: str, peer: str) -> None:
         """Forget a standing conversation whose end both sides know, such as that of a stream that has run out."""
@@ -191,13 +189,9 @@ class Conversations:
                 found = self._open.get((conversation, peer, True))
                 if found is not None:
                     return self._replied(conversation, found, act, now_us)
-            if performative is P.INFORM and (
-                _is_progress(act) or any(name[0] == conversation and name[2] for name in self._open)
-            ):
-                return [protocols.Incoming(act)]
             is_bid = performative is P.PROPOSE and act.protocol == protocols.PROTOCOLS[P.CFP]
-            if (is_bid or performative not in protocols.OPENING) and conversation.startswith(self._prefix):
-                return self._late(act, now_us)
+            if (is_bid or performative not in protocols.OPENING) and self._is_ours(conversation):
+                return self._unasked(conversation, act, now_us)
         if conversation is not None and (performative in protocols.OPENING or performative is P.CANCEL):
             return self._asked(conversation, act, now_us)
         return [protocols.Incoming(act)]
@@ -215,7 +209,7 @@ class Conversations:
             found = self._open.pop(name)
             events.append(protocols.PeerLost(name[0], found.opening, unit, found.ours))
             if found.standing and found.phase is not protocols.Phase.CANCELLING:
-                lost = _cancel(found.opening, LOST)
+                lost = cancel_of(found.opening, LOST)
                 mine = lost if found.ours else self._no(found.opening, P.FAILURE, f"{unit} was gone")
                 dropped.append(mine)
         if dropped:
@@ -282,6 +276,21 @@ class Conversations:
             self._wake(found.due_us)
         return [protocols.Reply(conversation, act, found.opening, closed)]
 
+    def _is_ours(self, conversation: str) -> bool:
+        """Whether we have opened it, or cancel it."""
+        return conversation.startswith(self._prefix) or any(name[0] == conversation and name[2] for name in self._open)
+
+    def _unasked(self, conversation: str, act: Act, now_us: int) -> list[Outcome]:
+        """An act of a platform that owes no answer in a conversation of ours, which is closed or with another one.
+
+        A task may have participants, which inform: the agents know them. Nothing else is heard of a third platform.
+        """
+        is_told = act.performative is P.INFORM and act.in_reply_to is None
+        is_addressed = conversation.endswith((f".{act.sender.unit}", f".{keys.EVERYBODY}"))
+        if is_told and (_is_progress(act) or not is_addressed):
+            return [protocols.Incoming(act)]
+        return self._late(act, now_us) if is_addressed else [protocols.Foreign(act)]
+
     def _late(self, act: Act, now_us: int) -> list[Outcome]:
         """An answer in a conversation that we have closed. A late agree is answered by a cancel, a late proposal rejected.
 
@@ -304,23 +313,38 @@ class Conversations:
         own = _beginning(peer, act.boot)
         if act.performative is not P.CANCEL and not conversation.startswith(own):
             said = f"what you ask opens a conversation of yours: its id begins with {own}"
-            return [self.delivery.send(self._no(act, P.REFUSE, said), now_us)[1]]
+            return self._refused(act, said, now_us)
         if (
             known is not None
             and known.phase in {protocols.Phase.AGREED, protocols.Phase.STANDING}
             and act.performative in protocols.OPENING
         ):
-            return [self.delivery.send(self._no(act, P.REFUSE, "this conversation is about something else"), now_us)[1]]
+            return self._refused(act, "this conversation is about something else", now_us)
         if act.performative is P.CANCEL:
             if known is None:
                 _remember(self._ended, (conversation, peer))
         elif (conversation, peer) in self._ended:  # its cancel overtook it
-            return [self.delivery.send(self._no(act, P.REFUSE, "this conversation was cancelled"), now_us)[1]]
+            return self._refused(act, "this conversation was cancelled", now_us)
         if known is None and self._is_full(peer):
-            return [self.delivery.send(self._no(act, P.REFUSE, "too many open conversations"), now_us)[1]]
+            return self._refused(act, "too many open conversations", now_us)
         phase = protocols.Phase.CANCELLING if act.performative is P.CANCEL else protocols.Phase.ASKED
         self._add(protocols.Conversation(act, peer, False, phase, now_us + min(within_us, REPLY_BY_MOST_US)))
         return [protocols.Incoming(act)]
+
+    def refuse(self, to: Act, performative: Performative, content: Expr, now_us: int) -> list[Outcome]:
+        """Answer `to` by a refusal, which ends its conversation; beyond so many a second without an answer."""
+        if self.refusals.admit(to.sender.unit, now_us):
+            return self.answer(to, performative, content, now_us)
+        self.delivery.forgo(to.sender.unit)
+        self._open.pop((to.conversation_id or "", to.sender.unit, False), None)
+        return [protocols.Unanswered(to)]
+
+    def _refused(self, act: Act, reason: str, now_us: int) -> list[Outcome]:
+        """The same, of an act that opens no conversation."""
+        if self.refusals.admit(act.sender.unit, now_us):
+            return [self.delivery.send(self._no(act, P.REFUSE, reason), now_us)[1]]
+        self.delivery.forgo(act.sender.unit)
+        return [protocols.Unanswered(act)]
 
     def _overdue(self, name: _Name, found: protocols.Conversation, now_us: int) -> list[Outcome]:
         del self._open[name]
@@ -343,7 +367,7 @@ class Conversations:
         """Silence. The participant of a standing conversation may have begun all the same: it is sent a cancel."""
         outcome: list[Outcome] = [protocols.TimedOut(conversation, found.opening, why)]
         if found.standing and found.phase is not protocols.Phase.CANCELLING and found.peer != keys.EVERYBODY:
-            outcome.append(self.delivery.send(_cancel(found.opening, GIVEN_UP), now_us)[1])
+            outcome.append(self.delivery.send(cancel_of(found.opening, GIVEN_UP), now_us)[1])
         return outcome
 
     def _no(self, to: Act, performative: Performative, reason: str) -> Act:
@@ -377,29 +401,6 @@ def _remember(ended: dict[_K, None], name: _K) -> None:
         del ended[next(iter(ended))]
 
 
-def is_lost(cancel: Act) -> bool:
-    """Whether a cancel was sent only because its sender had lost sight of the receiver, not because a user wants it."""
-    return cancel.content == LOST
-
-
-def is_given_up(cancel: Act) -> bool:
-    """Whether a cancel was sent only because its sender got no answer: it, or another platform, may ask again."""
-    return cancel.content == GIVEN_UP
-
-
-def _cancel(opening: Act, content: Expr | None = None) -> Act:
-    """The cancel of what we had opened."""
-    return Act(
-        P.CANCEL,
-        opening.sender,
-        opening.receiver,
-        content or Expr("cancel"),
-        opening.conversation_id,
-        opening.protocol,
-        ontology=opening.ontology,
-    )
-
-
 def _is_progress(act: Act) -> bool:
     """Whether it reports of a task, which outlives the conversation with its delegate."""
-    return act.in_reply_to is None and act.content is not None and act.content.head == Progress.head
+    return act.content is not None and act.content.head == Progress.head

@@ -173,6 +173,10 @@ class Delivery:
         self.counts["received" if is_new else "duplicate"] += 1
         return is_new
 
+    def forgo(self, sender: str) -> None:
+        """Acknowledge nothing of it in this step."""
+        self._owed.pop(sender, None)
+
     def on_receipt(self, sender: str, receipt: Receipt, now_us: int) -> None:
         """A bare acknowledgement of `sender`; one of acts of an earlier life of ours is ignored."""
         if receipt.boot == self.boot:

@@ -2,6 +2,7 @@
 
 from dataclasses import dataclass, field
 
+from federation.messages import contents
 from federation.messages.acts import Act, Performative
 from federation.messages.contents import Content, Reason
 
@@ -17,6 +18,7 @@ class Dialogue:
         said: the answers with their contents (None: not understood).
         failed: why no further answer comes, or None.
         over: whether no further answer comes.
+        about: what was asked for.
     """
 
     unit: str
@@ -24,6 +26,7 @@ class Dialogue:
     said: list[tuple[Act, Content | None]] = field(default_factory=list)
     failed: str | None = None
     over: bool = False
+    about: Content | None = None
 
     def on_reply(self, act: Act, content: Content | None, is_last: bool, _now_us: int) -> None:
         """Note an answer."""
@@ -58,3 +61,21 @@ class Dialogue:
             return self.failed
         performative, reason = self.refusal
         return f"{performative}: {performative if reason is None else reason.text}"
+
+
+def is_paged(content: contents.Content) -> bool:
+    """Whether the answer may come in several acts."""
+    if isinstance(content, contents.Query | contents.QueryStream):
+        return content.op in {"between", "last", "slice"}
+    return isinstance(
+        content,
+        contents.AlarmList
+        | contents.ActList
+        | contents.ImportList
+        | contents.Monitors
+        | contents.ObjectEvents
+        | contents.ObjectList
+        | contents.ObjectPicture
+        | contents.SaliencyRows
+        | contents.Specification,
+    )

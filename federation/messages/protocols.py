@@ -32,6 +32,18 @@ class Incoming(NamedTuple):
     act: Act
 
 
+class Foreign(NamedTuple):
+    """What a platform says in a conversation of ours that is with another one: it is not heard."""
+
+    act: Act
+
+
+class Unanswered(NamedTuple):
+    """An act that is refused without an answer: its sender has been sent as many refusals as it may."""
+
+    act: Act
+
+
 class Reply(NamedTuple):
     """An answer in one of our conversations; `closed` says that it was the last."""
 
@@ -64,7 +76,7 @@ class PeerLost(NamedTuple):
     ours: bool
 
 
-ConversationEvent: TypeAlias = Incoming | Reply | TimedOut | Undelivered | PeerLost
+ConversationEvent: TypeAlias = Incoming | Foreign | Unanswered | Reply | TimedOut | Undelivered | PeerLost
 
 
 class Phase(Enum):

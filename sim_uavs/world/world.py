@@ -260,7 +260,7 @@ class World:
         within_us: int = 2_000_000,
     ) -> Dialogue:
         """`by` says something to the Interface Agent of `to`; the answers are collected as they come."""
-        dialogue = Dialogue(to)
+        dialogue = Dialogue(to, about=content)
 
         def say(member: Member, now_us: int) -> None:
             try:

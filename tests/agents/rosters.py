@@ -1,11 +1,18 @@
-"""A roster of tests: platforms 0, 1 and 2, and the command centre cc."""
+"""A roster of tests: platforms 0, 1 and 2, the command centres cc and cd, and the observer obs."""
 
 from hashlib import sha256
 
 from federation.security.trust import Role, Roster, RosterMember, Signer, Trust
 from sim_uavs.world.world import START_US
 
-ROLES: dict[str, Role] = {"0": "uav", "1": "uav", "2": "uav", "cc": "command-centre"}
+ROLES: dict[str, Role] = {
+    "0": "uav",
+    "1": "uav",
+    "2": "uav",
+    "cc": "command-centre",
+    "cd": "command-centre",
+    "obs": "observer",
+}
 
 
 def trust(unit: str) -> Trust:

@@ -176,7 +176,7 @@ class AnswerQuestion(parts.Content):
 
 
 class ControlMission(parts.Content):
-    """Suspend a mission, have one continue that waits, or end it."""
+    """Suspend a mission, or have one continue that waits; `task-over` ends one, at each platform."""
 
     mission: parts.Conversation
-    how: Literal["suspend", "resume", "abort"]
+    how: Literal["suspend", "resume"]

@@ -3,7 +3,7 @@
 from hypothesis import given
 from hypothesis import strategies as st
 
-from agents.admission.limits import ActLimits, TokenBucket
+from federation.shares import ActLimits, TokenBucket
 
 MOMENTS = st.lists(st.integers(0, 2_000_000), max_size=200).map(sorted)
 

@@ -4,13 +4,24 @@ from hashlib import sha256
 
 import pytest
 
-from agents.admission.limits import ACTS_BURST
+from agents.calls.bids import OF_A_CENTRE
 from agents.exchange.dormant import MOST_OF_ONE as WAITING
 from agents.subscribers import OF_ONE as FOLLOWED
 from agents.tasks.life import OF_ONE
 from federation.messages.acts import Performative
-from federation.messages.contents import ActList, Acts, Alarms, CheckFormula, MonitorProximity, Query, Reason
+from federation.messages.contents import (
+    ActList,
+    Acts,
+    Alarms,
+    CallForStream,
+    CheckFormula,
+    MonitorProximity,
+    Query,
+    Reason,
+)
 from federation.security.trust import Role, Roster, RosterMember, Signer, Trust
+from federation.shares import ACTS_BURST
+from tests.agents.calls.market import offer
 from tests.agents.rosters import trust
 from tests.box import EPOCH, Box, Question, Vehicle
 
@@ -118,3 +129,23 @@ def test_queries_that_wait_for_a_stream_have_a_share_of_each_member(by_names: Bo
     assert [each.performatives for each in others] == [[], []], "they wait"
     assert [each.performatives for each in waiting].count([]) == WAITING
     by_names.run(1.5)
+
+
+def test_the_proposals_for_a_member_are_counted_under_all_its_names(by_names: Box) -> None:
+    by_names.specify("0", offer(1.0))
+    by_names.run(1.0)
+
+    def called(unit: str, number: int) -> Question:
+        content = CallForStream(
+            call=f"{unit}-{number}", semantic_label="gas-level", sample_period_s=0.1, delay_s=0.5, min_certainty=0.5
+        )
+        return by_names.question(unit, "0", content, P.CFP)
+
+    asked = [called(unit, number) for number in range(OF_A_CENTRE // len(names("cc")) + 2) for unit in names("cc")]
+    by_names.run(0.3)
+    performatives = [each.performatives[0] for each in asked]
+    assert performatives.count(P.PROPOSE) == OF_A_CENTRE
+    assert {code(each) for each in asked if each.performatives == [P.REFUSE]} == {"busy"}
+    other = called("1", 1)
+    by_names.run(0.1)
+    assert other.performatives == [P.PROPOSE]

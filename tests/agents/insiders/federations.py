@@ -26,6 +26,7 @@ from federation.messages import contents
 from federation.messages.acts import Act, AgentName, Performative
 from federation.messages.codec import encode_act
 from federation.messages.protocols import OPENING, Conversation
+from federation.messages.unpacking import MAX_BYTES
 from federation.security.trust import Role, Roster, RosterMember, Signer, Trust
 from navigation.geodesy import LocalFrame, distance_m
 from navigation.vehicle import Command, Order, Report
@@ -268,8 +269,10 @@ class HostileFederation:
             return
         act = self._act(by, to, content, talk)
         try:
-            encode_act(act)
-        except ContentError:  # too large to be said
+            size = len(encode_act(act))
+        except ContentError:
+            return
+        if size > MAX_BYTES - 256:  # with its signature it is too large to be said
             return
         self.log.append(f"{by} to {to}: {act.performative.value} {act.conversation_id} {act.content}"[:600])
         del self.log[:-12]

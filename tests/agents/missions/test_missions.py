@@ -7,7 +7,6 @@ from federation.messages.contents import (
     AnswerQuestion,
     CallForMission,
     Content,
-    ControlMission,
     FlyMission,
     Goto,
     Hold,
@@ -20,6 +19,7 @@ from federation.messages.contents import (
     Reason,
     Resume,
     TakeMission,
+    TaskOver,
 )
 from federation.messages.contents.missions import CommandEntry
 from federation.messages.dialogue import Dialogue
@@ -90,8 +90,8 @@ def test_cancelled_or_aborted_its_vehicles_hold_and_are_free() -> None:
     mission = flown.begin(TWO)
     flown.until(mission, "started: fly-to(uav1, gate)")
     flown.world.run_for(3.0)
-    assert flown.ask(ControlMission(mission="m1", how="abort"))[0][0] == "agree"
-    assert told(mission)[-1].startswith("failure: aborted: cc asked for it")
+    assert [flown.ask(TaskOver(task="m1"), unit)[0][0] for unit in "01"] == ["agree", "agree"]
+    assert told(mission)[-1].startswith("failure: aborted: a command centre ended it")
     for vehicle in flown.vehicles:
         assert isinstance(vehicle.commands[-1][1], HoldOrder)
     assert [flown.world.platform(unit).ports.pilot.mission.name for unit in "01"] == ["", ""]

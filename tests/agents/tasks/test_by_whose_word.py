@@ -215,7 +215,7 @@ class Sky:
         yield P.REQUEST, contents.Land()
         yield P.REQUEST, contents.ReturnHome()
         yield P.REQUEST, contents.Leave()
-        yield P.REQUEST, contents.ControlMission(mission=task, how="abort")
+        yield P.REQUEST, contents.ControlMission(mission=task, how="suspend")
         yield P.REQUEST_WHEN, contents.When(do=contents.Hold().expr(), condition="true")
         yield P.REQUEST, contents.Follow(object="car1")
         yield P.REQUEST, contents.Attend()

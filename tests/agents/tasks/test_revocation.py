@@ -9,8 +9,11 @@ from agents.actions import Role
 from agents.areas.assignment import AreaAssignment
 from agents.areas.division import AreaDivision
 from agents.missions.performing import Performing
+from agents.tasks.command_watch import REVOKED, REVOKED_US, CommandWatch
 from federation.messages.acts import Performative
 from federation.messages.contents import (
+    Alarm,
+    Alarms,
     CommandEntry,
     CreateMonitor,
     CreateMulticast,
@@ -160,3 +163,34 @@ def test_a_revoked_member_may_nothing_and_does_not_come_back_into_the_directory(
     without = replace(later, members={unit: MEMBERS[unit] for unit in ROLES if unit != "obs"}, generation=9)
     read(fed, without)
     assert not ports.directory.is_present("obs"), "one that is taken out of the roster is no member, either"
+
+
+@pytest.mark.parametrize("what", ["permit", "monitors", "division"])
+def test_what_ended_with_a_revocation_is_shown_and_an_alarm_within_two_seconds(fed: Box, what: str) -> None:
+    """At the other command centre, which sees the conditions of each platform, and subscribes to alarms."""
+    if what == "permit":
+        permitted(fed)
+        name = "m"
+    else:
+        name = fed.asked("cd", "0", MonitorProximity() if what == "monitors" else DivideArea(area=AREA)).conversation
+    fed.run(3.0)
+    told = fed.asked("cc", "0", Alarms(), P.SUBSCRIBE)
+    read(fed, ROSTER.revoked("cd"))
+    fed.run(1.4)
+
+    def shown() -> list[str]:
+        entry = fed.member("cc").directory.entry("0")
+        assert entry is not None
+        return [each.text for each in entry.conditions]
+
+    text = f"cd is revoked, and what goes by its word ends: {name}"
+    assert text in shown()
+    heard = [each for each in told.contents if isinstance(each, Alarm) and each.monitor == REVOKED]
+    assert [(each.event, each.units, each.values["tasks"]) for each in heard] == [("opened", ("0", "cd"), name)]
+    watch = fed.platform("0").part(CommandWatch)
+    watch.on_time(fed.now_us + REVOKED_US)
+    fed.settle("0")
+    fed.run(1.0)
+    assert text not in shown()
+    heard = [each for each in told.contents if isinstance(each, Alarm) and each.monitor == REVOKED]
+    assert [each.event for each in heard] == ["opened", "closed"]

@@ -128,7 +128,7 @@ TEXTS = [
     '(flight-outlook commander: order doing: "goto 58.0" ahead: (sequence "58.5 15.0") altitude_m: 100.0 fences: (sequence (fence name: autopilot centre: "58.5 15.0" radius_m: 300.0)) origin: "58.5 15.0")',
     '(mission-list missions: (sequence (mission-entry mission: m1 conversation: cc-1 phase: flying since: 5 question: (mission-question number: 1 text: "where is b1?" options: (sequence "try again" "give up") default: "give up" until: 7))))',
     '(answer-question mission: m1 number: 1 answer: "give up")',
-    "(control-mission mission: m1 how: abort)",
+    "(control-mission mission: m1 how: resume)",
 ]  # fmt: skip
 
 

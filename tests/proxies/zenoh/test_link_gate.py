@@ -2,17 +2,20 @@
 
 import queue
 import socket
+import threading
 from collections.abc import Callable, Iterator
 from dataclasses import replace
 from pathlib import Path
+from random import Random
 from types import SimpleNamespace
 from typing import Any
 
 import pytest
 
-from federation.security.tls import LINKS, authority_certificate, platform_certificate, tls_key
+from federation.security.tls import LINKS, SESSIONS, authority_certificate, platform_certificate, tls_key
 from federation.security.trust import Roster, RosterMember
 from federation.transport import CertificateEnds, HandlerFailed, RosterKept, RosterRead
+from proxies.zenoh import link_gate
 from proxies.zenoh.link_gate import LinkGate
 
 NOW_US = 1_700_000_000_000_000
@@ -158,3 +161,34 @@ def test_the_oldest_links_of_one_certificate_are_closed_bit_by_bit_and_those_of_
     posted.get(timeout=20.0)
     assert linked.open() == [*range(5), *range(11, 11 + most)], "a new one is admitted, the oldest ends"
     assert posted.empty()
+
+
+@pytest.mark.parametrize("seed", range(4))
+def test_while_places_are_scarce_all_surplus_is_closed_at_the_next_link_whatever_member_it_is_of(
+    gate: Callable[..., "queue.Queue[Any]"], linked: Links, monkeypatch: pytest.MonkeyPatch, seed: int
+) -> None:
+    """The gate does not look of its own here: what is closed is closed at the event."""
+    random = Random(seed)
+    most = LINKS["uav"]
+    places = random.randrange(2 * most + 2, 4 * most)
+    monkeypatch.setattr(link_gate, "RESERVED", SESSIONS - places)
+    monkeypatch.setattr(link_gate, "CLOSED_AT_ONCE", 0)
+    made: list[LinkGate] = []
+    monkeypatch.setattr(LinkGate, "look", made.append)
+    posted = gate(list)
+    while not made:
+        threading.Event().wait(0.01)
+    names = ["3"] * (places - 1) + ["0"]
+    random.shuffle(names)
+    for name in names:
+        made[0].on_link(linked.add(name))
+    assert len(linked.open()) == places, "there is room"
+    assert posted.empty()
+    made[0].on_link(linked.add("0"))
+    of_three = [number for number, name in enumerate([*names, "0"]) if name == "3"]
+    of_others = [number for number, name in enumerate([*names, "0"]) if name != "3"]
+    assert linked.open() == sorted([*of_others, *of_three[-most:]]), "the newest stay"
+    assert posted.qsize() == len(of_three) - most
+    for _ in range(random.randrange(1, 6)):
+        made[0].on_link(linked.add("3"))
+    assert {*linked.open()} >= {*of_others}
