@@ -35,7 +35,7 @@ from reasoning import NEITHER_CAN_AVOID, AlarmEvent
 RETRY_US = 1_000_000
 """How long after a failure or silence a platform gets the next request for its part of a task."""
 RENEW_US = 10_000_000
-"""How long after it has requested everything anew, at the word of another platform, a coordinator does so again."""
+"""How long after it has repeated all its requests, at the word of another platform, a coordinator does so again."""
 LED_BY_US = 2_000_000
 """The same, of one that follows another coordinator: that one hands over, or is gone, by then."""
 
@@ -261,9 +261,7 @@ class Coordination(Part):
         """
         asker, generation = act.sender.unit, content.generation or 1
         if content.coordinator not in {None, asker}:
-            raise Refused(
-                f"a task's monitors are set up by its coordinator: {content.coordinator}, not {asker}", "role"
-            )
+            raise Refused(f"monitors are set up by the coordinator {content.coordinator}, not {asker}", "role")
         evidence = self._authority.proven(act, task, (contents.MonitorProximity,), now_us)
         try:
             self._life.check_claim(Claim(evidence, asker, act.boot, generation), now_us)

@@ -62,7 +62,7 @@ class CoordinatedTask:
         former: the same, of a coordinator that stepped down: it goes when the task ends.
         own: by name, the act with which the coordinator requested a monitor of this platform.
         again_us: when the request to a platform that failed or was silent is repeated.
-        renewed_us: when everything is, or was, requested anew at another platform's word.
+        renewed_us: when everything is, or was, repeated at another platform's word.
         successor_at_us: when this platform takes over if no other does.
     """
 

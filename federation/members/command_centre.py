@@ -24,7 +24,7 @@ from federation.security.trust import Trust
 from federation.transport import TokenChanged, WireEffect, WireEvent
 
 STANDING = 256
-"""Conversations of which later news are taken: a task outlives its delegate."""
+"""Conversations whose later news are taken: a task outlives its delegate."""
 PATIENT_US = 2_000_000
 OnSample: TypeAlias = Callable[[ImportName, StreamSample, int], None]
 """Takes the stream's owner, semantic label and policy hash, a sample, and its arrival (node clock)."""
@@ -72,7 +72,7 @@ class CommandCentre:
         refused: acts that were not accepted, by reason; `member.refused` has the events.
         on_sample: takes the samples of all streams that were announced to it.
         on_refused: called with a member that speaks in a conversation that it takes no part in.
-        followed: what it has delegated, by conversation, of which later news are taken.
+        followed: what it has delegated, by conversation, whose later news are taken.
     """
 
     def __init__(

@@ -195,7 +195,7 @@ class Correspondence:
         self._handle(self.conversations.answer(act, performative, expr, now_us, standing=standing), now_us)
 
     def refuse(self, act: Act, performative: Performative, content: contents.Content, now_us: int) -> bool:
-        """Refuse an act of another platform; whether that was said, and not left unanswered since it is refused too much."""
+        """Refuse an act of another platform; False if it was left unanswered, being refused too much."""
         self._now_us = now_us
         outcomes = self.conversations.refuse(act, performative, content.expr(), now_us)
         self._handle(outcomes, now_us)

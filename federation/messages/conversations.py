@@ -332,7 +332,7 @@ class Conversations:
         return [protocols.Incoming(act)]
 
     def refuse(self, to: Act, performative: Performative, content: Expr, now_us: int) -> list[Outcome]:
-        """Answer `to` by a refusal, which ends its conversation; beyond so many a second without an answer."""
+        """Answer `to` by a refusal, which ends its conversation; beyond the quota it is left unanswered."""
         if self.refusals.admit(to.sender.unit, now_us):
             return self.answer(to, performative, content, now_us)
         self.delivery.forgo(to.sender.unit)

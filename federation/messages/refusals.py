@@ -1,4 +1,4 @@
-"""Refusals of a member's acts: so many a second are sent, beyond that it is left without an answer, which is counted and shown.
+"""Refusals of a member's acts: a quota of them is sent, beyond it acts are left unanswered, which is counted and shown.
 
 A refusal is signed, put, and put again until it is acknowledged: it costs more than the act that it answers. Times are the node clock.
 """
@@ -18,7 +18,7 @@ MOST: Final = 64
 
 
 @dataclass(slots=True)
-class Unanswered:
+class UnansweredActs:
     """Acts of one member that were not answered: how many, since when, and the last of them."""
 
     since_us: int
@@ -46,7 +46,7 @@ class Refusals:
 
     def __init__(self, share_of: Callable[[str], MemberShare]) -> None:
         self._share_of, self._limits = share_of, ActLimits(REFUSALS_PER_S, REFUSALS_BURST)
-        self.unanswered: dict[str, Unanswered] = {}
+        self.unanswered: dict[str, UnansweredActs] = {}
         self.is_news = False
 
     def admit(self, unit: str, now_us: int) -> bool:
@@ -56,7 +56,7 @@ class Refusals:
             return True
         found = self.unanswered.pop(owner, None)
         self.is_news |= found is None
-        found = self.unanswered[owner] = found or Unanswered(now_us, now_us)
+        found = self.unanswered[owner] = found or UnansweredActs(now_us, now_us)
         before, found.count, found.last_us = found.how, found.count + 1, now_us
         self.is_news |= before != found.how
         if len(self.unanswered) > MOST:
