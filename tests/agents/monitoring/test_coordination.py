@@ -124,7 +124,7 @@ def test_a_participant_that_monitors_otherwise_refuses_its_part_and_the_others_g
         (MonitorProximity(sample_period_s=0.15), "no multiple of 100ms"),
         (MonitorProximity(delay_s=3600.0), "1min at most"),
         (CreateMonitor(name="proximity", profile="proximity-warn"), "by its name alone"),
-        (CreateMonitor(name="proximity", task="t-1", coordinator="2"), "set up by its coordinator: 2, not cc"),
+        (CreateMonitor(name="proximity", task="t-1", coordinator="2"), "set up by the coordinator 2, not cc"),
     ],
 )
 def test_what_cannot_be_monitored_is_refused_with_its_reason(three: Box, asked: MonitorProximity, why: str) -> None:
