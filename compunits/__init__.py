@@ -41,7 +41,7 @@ from compunits.motion import (
 )
 from compunits.near_pairs import NearPairs
 from compunits.numeric import numbers_of, numeric
-from compunits.pair_relations import StableFollowing, StableRelations
+from compunits.pair_relations import FOLLOWING, StableFollowing, StableRelations
 from compunits.registry import Catalogue, catalogue, library, load_module, prototypes_of
 from compunits.relations import (
     CAR_RELATIONS,
@@ -72,6 +72,7 @@ __all__ = [
     "CAR_AREA",
     "CAR_RELATIONS",
     "CONVERSIONS",
+    "FOLLOWING",
     "GLOBAL_OBJECT",
     "NO_CROSSING",
     "NO_LINK",

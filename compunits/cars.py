@@ -13,7 +13,9 @@ Raw relations, for comparison, are made with `CarByStep` in the place of `CarOnR
 """
 
 import math
+from collections.abc import Callable
 from itertools import permutations
+from operator import eq
 from typing import Any, Final, TypeGuard
 
 from compunits.motion import heading_deg, wrapped_deg
@@ -213,10 +215,10 @@ def road_offset(pair: Value) -> Value:
     return offset_of(pair) or NO_VALUE
 
 
-def offset_of(pair: Value) -> tuple[float, float, float] | None:
-    """The same; None: there is none."""
+def offset_of(pair: Value, is_one: Callable[[str, str], bool] = eq) -> tuple[float, float, float] | None:
+    """The same, `is_one`: whether two links are one road; None: there is none."""
     one, other = pair if isinstance(pair, tuple) and len(pair) == 2 else (NO_VALUE, NO_VALUE)
-    if not _is_car(one) or not _is_car(other) or one[4] != other[4] or one[4] == NO_LINK:
+    if not _is_car(one) or not _is_car(other) or one[4] == NO_LINK or not is_one(one[4], other[4]):
         return None
     try:
         east_m, north_m, forward = one[1] - other[1], one[2] - other[2], math.radians(one[3])

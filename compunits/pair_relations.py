@@ -3,9 +3,10 @@
 import math
 from abc import ABC, abstractmethod
 from collections import deque
-from typing import Final, TypeAlias
+from operator import eq
+from typing import Final, Protocol, TypeAlias
 
-from compunits.cars import CAR, ROAD_RELATIONS, offset_of, relations_of
+from compunits.cars import CAR, NO_LINK, ROAD_RELATIONS, offset_of, relations_of
 from compunits.numeric import numbers_of, positive
 from compunits.smoothing import StableFields
 from dyknow import NO_VALUE, SURE, US_PER_S, Field, Quality, Sample, Sort, Value, computational_unit
@@ -15,17 +16,33 @@ _MOST: Final = 1_000
 _Offset: TypeAlias = tuple[int, float, float, float, Quality, float, float]
 """Valid time, metres ahead and to the right, agreement, quality; then the place of the first car."""
 _XY: Final = slice(1, 3)
+_AREAS: Final = slice(4, 6)
 FOLLOWING: Final = Sort(
     "following", tuple(Field(name, "bool") for name in ("same_lane", "behind", "short_gap", "too_close"))
 )
 """What `StableFollowing` gives: car 1 is in the lane of car 2; it is behind it; the gap to it is short, and has been so for a while."""
 
 
+class OneRoad(Protocol):
+    """The links of a map that are one road, by their names."""
+
+    def is_one(self, one: str, other: str) -> bool:
+        """Whether two links are parts of one road."""
+
+    def through(self, link: str, crossing: str) -> str | None:
+        """The link after a crossing where a road continues, for a car that came on a link; None: there is none, or several."""
+
+
 class StablePair(ABC):
     """Relations of two cars at one time, from offsets of the last while, once it is stable.
 
     Where one is seen at other times than the other, its place is on the line between those where it was seen.
+
+    Attributes:
+        roads: which links are one road; None: each is one by itself.
     """
+
+    roads: OneRoad | None = None
 
     def __init__(self, smooth_s: float, stable_s: float, unseen_s: float, every_s: float = 0.0) -> None:
         self._span_us = round(positive("smooth_s", smooth_s) * US_PER_S)
@@ -36,6 +53,7 @@ class StablePair(ABC):
         self._stable = StableFields(stable_s)
         self._last: list[Sample | None] = [None, None]
         self._before: list[Sample | None] = [None, None]
+        self._links = [NO_LINK, NO_LINK]
         self._ends_us: int | None = None
         self._sure_us = 0
 
@@ -55,7 +73,8 @@ class StablePair(ABC):
         for i, sample in enumerate((one, other)):
             last = self._last[i]
             if sample is not last and (last is None or sample.valid_us > last.valid_us):
-                self._before[i], self._last[i] = last, sample
+                self._before[i] = last
+                self._last[i] = sample if self.roads is None else self._on_road(i, sample, self.roads)
                 made = self._taken(i, now_us) or made
         return made
 
@@ -71,6 +90,18 @@ class StablePair(ABC):
         self._ends_us = None
         self._restart()
         return NO_VALUE
+
+    def _on_road(self, i: int, sample: Sample, roads: OneRoad) -> Sample:
+        """In a crossing where its road continues a car is on the link after it."""
+        value = sample.value
+        if not isinstance(value, tuple) or len(value) < len(CAR.fields):
+            return sample
+        link, crossing = value[_AREAS]
+        if link != NO_LINK:
+            self._links[i] = link
+            return sample
+        after = roads.through(self._links[i], crossing)
+        return sample if after is None else sample._replace(value=(*value[:4], after, crossing))
 
     def _taken(self, i: int, now_us: int) -> Sample | None:
         """There is a new sample of one of them: relate both when the last of the other was valid, if that is between two of it."""
@@ -100,7 +131,8 @@ class StablePair(ABC):
                 self._ends_us = max(self._ends_us, valid_us + self._over_us)
             return None
         pair = (new.value, other.value) if is_first else (other.value, new.value)
-        offset, quality = offset_of(pair), _worse(new.quality, other.quality)
+        is_one = eq if self.roads is None else self.roads.is_one
+        offset, quality = offset_of(pair, is_one), _worse(new.quality, other.quality)
         if offset is None:
             return self._stable.on_record(now_us, valid_us, NO_VALUE, quality)
         _, x_m, y_m, forward_deg, *_ = pair[0]
@@ -127,7 +159,7 @@ class StableRelations(StablePair):
         smooth_s: offsets are the mean over this time.
         stable_s: a relation counts once it has lasted for this time.
         unseen_s: the longest gap in what is seen of a car.
-        every_s: relations are made no more often: cars that are seen ten times a second cost half of what they would.
+        every_s: relations are made no more often: cars that are seen ten times a second cost about a quarter less.
     """
 
     def __init__(

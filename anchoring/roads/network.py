@@ -4,6 +4,7 @@ import math
 from collections.abc import Iterable, Mapping
 from functools import cached_property
 
+from anchoring.roads.continuations import RoadContinuations
 from anchoring.roads.elements import CROSSING, ROAD, Crossing, DirectedLink, RoadArea, RoadLink
 from anchoring.roads.geometry import Point2
 from anchoring.roads.index import RoadIndex
@@ -62,6 +63,11 @@ class RoadNetwork:
     def paths(self) -> CrossingPaths:
         """The curves through crossings."""
         return CrossingPaths(self.links, self.crossings, self.turns)
+
+    @cached_property
+    def continuations(self) -> RoadContinuations:
+        """The links that are one road."""
+        return RoadContinuations(self.links, self.arms, self.turns, self.names)
 
     @cached_property
     def departures(self) -> Mapping[str, tuple[DirectedLink, ...]]:

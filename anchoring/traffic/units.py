@@ -18,9 +18,10 @@ from anchoring.roads.network import RoadNetwork
 from anchoring.roads.snapping import RoadPlace, SnapSettings, snap
 from anchoring.roads.statistics import LONGEST_GAP_US, LinkTraffic, RoadTraffic
 from anchoring.traffic.obstacles import Narrowest, SlowVehicles, narrowest
+from anchoring.traffic.pairs import FollowingOnMap, RelationsOnMap
 from anchoring.traffic.passability import Passability, RouteState, WantedRoute, obstructed
 from anchoring.traffic.travel import Travel
-from compunits import NO_CROSSING, NO_LINK, SEEN_CAR
+from compunits import CAR, FOLLOWING, NO_CROSSING, NO_LINK, ROAD_RELATIONS, SEEN_CAR
 from dyknow import (
     NO_VALUE,
     US_PER_S,
@@ -304,17 +305,21 @@ TURNS: Final = {"left_turns": "left", "right_turns": "right", "straights": "stra
 
 
 def road_units(network: RoadNetwork) -> tuple[Prototype, ...]:
-    """Units `OnMap`, `LinkTraffic`, `PassableRoutes`; sources `seconds`, `yes`, and the turns of 8.7.4, `left_turns` ..."""
+    """Units of the map, `OnMap` ...; sources `seconds`, `yes`, and the turns of 8.7.4, `left_turns` ..."""
 
-    def unit(name: str, made: Callable[..., Any], sort: Sort, *inputs: str | Sort) -> UnitPrototype:
+    def unit(
+        name: str, made: Callable[..., Any], sort: Sort, *inputs: str | Sort, needs_all: bool = False
+    ) -> UnitPrototype:
         checked = tuple(each for each in (sort, *inputs) if isinstance(each, Sort) and not each.is_open)
         names = tuple(each.name if isinstance(each, Sort) else each for each in inputs)
-        make = partial(_unit, made, network)
+        make = partial(_unit, made, network, needs_all)
         return UnitPrototype(name, sort.name, names, make, checked_sorts=checked)
 
     turns = (SourcePrototype(name, WAYS, partial(_turns, network, turn)) for name, turn in TURNS.items())
     return (
         unit("OnMap", OnMap, replace(SEEN_CAR, is_open=False), OBJECT),
+        unit("RelationsOnMap", RelationsOnMap, ROAD_RELATIONS, CAR, CAR, needs_all=True),
+        unit("FollowingOnMap", FollowingOnMap, FOLLOWING, CAR, CAR, needs_all=True),
         unit("LinkTraffic", TrafficOnLinks, LINK_TRAFFIC, OBJECT, INSTANT),
         unit("PassableRoutes", PassableRoutes, ROUTE_STATE, OBJECT, WANTED_ROUTE, INSTANT),
         SourcePrototype("seconds", INSTANT.name, seconds, checked_sorts=(INSTANT,)),
@@ -323,5 +328,5 @@ def road_units(network: RoadNetwork) -> tuple[Prototype, ...]:
     )
 
 
-def _unit(made: Callable[..., Any], network: RoadNetwork, **settings: Any) -> UnitFunction:
-    return of_samples(made(network, **settings), needs_all=False)
+def _unit(made: Callable[..., Any], network: RoadNetwork, needs_all: bool, **settings: Any) -> UnitFunction:
+    return of_samples(made(network, **settings), needs_all=needs_all)

@@ -5,7 +5,7 @@ there is something that stops them for a while. A camera sees a stretch: cars en
 its middle; they are hidden for some seconds, single samples are missing, and positions have an error.
 """
 
-from collections.abc import Iterator
+from collections.abc import Callable, Iterator
 from math import cos, hypot, inf, pi, sin, sqrt
 from typing import Any, Final, NamedTuple
 
@@ -38,11 +38,15 @@ class Minute(NamedTuple):
         at_ms: the times.
         cars: of each time those in the view that have not left it for good, hidden ones as well.
         seen: the samples of each time, where a car is seen, as the source of `overtakes.kpl`.
+        place: metres east and north of a place on the road, and the direction of the road there.
+        lanes: how many it has.
     """
 
     at_ms: list[int]
     cars: list[dict[str, CarAt]]
     seen: list[list[list[Any]]]
+    place: Callable[[CarAt], tuple[float, float, float]] | None = None
+    lanes: int = 0
 
     def lines(self) -> Iterator[dict[str, Any]]:
         """The feed of `dyknow kpl run`, for the source `seen`."""
@@ -233,7 +237,7 @@ def minute(seed: int, sd_m: float, cars: int = 25, seconds: float = 60.0) -> Min
     """The minute of a seed, with about so many cars in view."""
     motorway = Motorway(seed, cars)
     camera = Camera(seed, sd_m, motorway.lanes)
-    made = Minute([], [], [])
+    made = Minute([], [], [], camera.place, motorway.lanes)
     for step in range(round((WARM_S + seconds) / STEP_S)):
         now_s = step * STEP_S
         cars_now = motorway.step(now_s)

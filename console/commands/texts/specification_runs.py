@@ -72,6 +72,7 @@ class Run:
         self._waited_us = 0
         self._record: IO[str] | None = None
         self._recorded = set[Any]()
+        self._unlinked = dict[str, None]()
         self.now_us = 0 if speed == 0 else time.time_ns() // 1000
         self._began_us, self._began_s = self.now_us, time.monotonic()
         self._computed: SimpleQueue[Computed] = SimpleQueue()
@@ -177,6 +178,7 @@ class Run:
                 self.network.on_time(self.now_us)
                 if self._governor is not None:
                     self._governor.on_time(self.now_us)
+            self._tell_unlinked()
             self._watch()
 
     def _last_us(self) -> int:
@@ -240,8 +242,19 @@ class Run:
         tell_record(self._call, said, begins_us=self._shown_from_us)
 
     def _on_link(self, name: str, linked: bool) -> None:
-        if not linked:
-            self._call.out.note(f"note: the inputs of {name} have no producer; it continues when they have one again.")
+        if linked:
+            self._unlinked.pop(name, None)
+        else:
+            self._unlinked[name] = None
+
+    def _tell_unlinked(self) -> None:
+        """After all of an instant: streams of members that left have ended, and nothing is to be said of them."""
+        unlinked, self._unlinked = self._unlinked, {}
+        for name in unlinked:
+            if name in self.instance.streams:
+                self._call.out.note(
+                    f"note: the inputs of {name} have no producer; it continues when they have one again."
+                )
 
     def _on_producer(self, label: "Label", producer: "Label | None") -> None:
         from kpl.introspection.records import producer_record
