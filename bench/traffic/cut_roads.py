@@ -19,7 +19,7 @@ _SLIP_M: Final = 150.0
 def cut_road(made: Minute, seed: int, links: int, slips: str = "") -> str:
     """GeoJSON of so many links of drawn lengths, of one way; `slips`: an "entrance" or an "exit" at one of the borders."""
     rng = np.random.default_rng((seed, 27))
-    assert made.place is not None  # noqa: S101  (it is of a drive that has one)
+    assert made.place is not None
     begin_m, end_m = VIEW_M[0] - _BEYOND_M, VIEW_M[1] + _BEYOND_M
     while True:
         borders = [begin_m, *np.sort(rng.uniform(VIEW_M[0], VIEW_M[1], links - 1)).tolist(), end_m]
@@ -61,7 +61,7 @@ def _slip(made: Minute, borders: list[float], n: int, angle_rad: float, kind: st
 
 
 def _at(made: Minute, along_m: float) -> tuple[float, float]:
-    assert made.place is not None  # noqa: S101
+    assert made.place is not None
     x_m, y_m, _ = made.place(CarAt(along_m, 0.0, 0.0, is_seen=True))
     return x_m, y_m
 

@@ -248,7 +248,7 @@ class Run:
             self._unlinked[name] = None
 
     def _tell_unlinked(self) -> None:
-        """After all of an instant: streams of members that left have ended, and nothing is to be said of them."""
+        """After all of an instant: streams of members that left have ended, which needs no note."""
         unlinked, self._unlinked = self._unlinked, {}
         for name in unlinked:
             if name in self.instance.streams:
