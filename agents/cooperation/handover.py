@@ -261,8 +261,10 @@ class Handover(Part):
             picture.gate.refuse(unit, "attributes of objects that it does not track")
         elif not wanting:
             picture.gate.refuse(unit, "attributes that no chronicle has")
-        elif not all([each.take_attribute_from(attribute, now_us) for each in wanting]):
-            picture.gate.refuse(unit, "late attributes, or too many")
+        else:
+            taken = [each.take_attribute_from(attribute, now_us) for each in wanting]
+            if not all(taken):
+                picture.gate.refuse(unit, "late attributes, or too many")
 
     def _on_camera(self, unit: str, sample: Sample) -> None:
         if self._frame is None or sample.value is NO_VALUE:
@@ -341,7 +343,7 @@ class Handover(Part):
             if names
         }
         for content, watch in declared.items():
-            changes = self._changes.setdefault(content, AttributeChanges())
+            changes = self._changes.setdefault(content, AttributeChanges(watch.delay_us + US_PER_MS))
             if watch.follow(changes):
                 for label, value in watch.values.items():
                     changes.on_sample(label, self._network.now_us - watch.delay_us, value)

@@ -39,9 +39,14 @@ class ObjectAttribute(NamedTuple):
 
 
 class AttributeChanges:
-    """What changes in streams of this member, once its objects have names."""
+    """What changes in streams of this member, once its objects have names.
 
-    def __init__(self) -> None:
+    Args:
+        delay_us: how late samples come: a value is known until so long before.
+    """
+
+    def __init__(self, delay_us: int) -> None:
+        self._delay_us = delay_us
         self._waiting: list[tuple[Label, int, str]] = []
         self._held: dict[Label, tuple[int, str]] = {}
         self._told_us: dict[Label, int] = {}
@@ -85,7 +90,7 @@ class AttributeChanges:
             if label.objects and at_us - told_us >= REPEATED_US and self._names.keys() >= set(label.objects):
                 named, held = self._named(label), self._held.get(label)
                 if held is not None and seen.issuperset(named.objects):
-                    found.append(ObjectAttribute(named, held[1], held[0], at_us))
+                    found.append(ObjectAttribute(named, held[1], held[0], max(held[0], at_us - self._delay_us)))
                     self._told_us[label] = at_us
         return found
 

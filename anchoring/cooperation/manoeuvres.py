@@ -15,7 +15,7 @@ from anchoring.cooperation.attributes import ObjectAttribute, Sights
 from anchoring.cooperation.rows import PictureRow
 from anchoring.links.states import ObjectState
 from compunits import ROAD_RELATIONS, RoadRelations, SmoothOffset, StableFields
-from dyknow import US_PER_S, ComputationalUnit, Label, Sample, UnitPrototype, Value, prototypes_in
+from dyknow import US_PER_MS, US_PER_S, ComputationalUnit, Label, Sample, UnitPrototype, Value, prototypes_in
 from reasoning.chronicles import ChangeEvents, ChronicleFile, ChronicleInstance, Recogniser, compile_chronicle
 
 NEAR_M: Final = 80.0

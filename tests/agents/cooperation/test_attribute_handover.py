@@ -109,6 +109,7 @@ def test_a_chronicle_of_attributes_that_begins_elsewhere_is_recognised_once(leve
 
 def test_without_sharing_and_over_a_gap_in_which_neither_sees_the_car_nothing_is():
     alone, apart = Areas("none", 0), Areas("relations", 0, apart_s=2.5)
+    apart.last_s = apart.out_s + 1.2
     for federation in (alone, apart):
         federation.drive(14, federation.seen)
         federation.world.run_for(5)
@@ -129,8 +130,7 @@ def test_what_can_be_no_attribute_is_not_read(at, value):
 def test_unknown_features_objects_of_others_and_too_many_are_refused_and_counted():
     federation = Areas("relations", 0)
     federation.drive(5, federation.seen)
-    name, now_us = federation.name("0", "co3", of="1") or "", federation.world.now_us
-    name = federation.name("1", "co3")
+    name, now_us = federation.name("1", "co3"), federation.world.now_us
     picture, take = federation.part("0").picture, federation.part("0").takers[ATTRIBUTES]
     for value in (
         (*GOOD[:1], "nonsense", name, "", "1", now_us / 1e6 - 0.1, False),
