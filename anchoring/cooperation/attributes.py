@@ -99,7 +99,7 @@ class AttributeChanges:
 
 
 class Sights:
-    """Since when and until when objects are seen; who is not seen for a second is seen anew."""
+    """Since when and until when objects are seen; a second without being seen begins another span."""
 
     def __init__(self) -> None:
         self._spans: dict[str, tuple[int, int]] = {}

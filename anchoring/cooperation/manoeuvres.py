@@ -163,7 +163,7 @@ class SpanningManoeuvres:
     Args:
         chronicles: over the attributes `car_relations.behind[?car1, ?car2]`, `lane[?car]` and so on.
         names: which of them.
-        initially: whether first values have been so since ever, or of which streams.
+        initially: whether first values have been so since ever; names: those of these streams.
     """
 
     def __init__(self, chronicles: ChronicleFile, *names: str, initially: bool | Collection[str] = False) -> None:
@@ -248,7 +248,7 @@ class SpanningManoeuvres:
         return [each for each in found if each.chronicle in self._names and self._is_of_picture(each)]
 
     def _on_attribute(self, label: Label, valid_us: int, value: object, other: int) -> list[ChronicleInstance]:
-        """A value of objects that somebody sees; what was not seen for a second has none, and then a first one."""
+        """A value of objects that are seen; what was not seen for a second has none, and then a first one."""
         shown = [each for each in label.objects if each in self._sights]
         if not all(self._sights.has(each, valid_us) for each in shown):
             return []

@@ -55,7 +55,7 @@ class QueuedSample(NamedTuple):
 
 
 class FollowsAttributes(Protocol):
-    """Is told what comes of the attributes of chronicles."""
+    """Takes what comes of the attributes of chronicles."""
 
     def on_sample(self, label: Label, valid_us: int, value: Value) -> None: ...
 
