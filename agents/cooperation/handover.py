@@ -1,6 +1,6 @@
 """Handover as a part: manoeuvres over the areas of several platforms, and what each pair of platforms shares for that (thesis 9.2).
 
-A platform recognises overtakes of all cars of its picture, and the chronicles of relations that its specification declares. For cars
+A platform recognises overtakes of all cars of its picture, and the chronicles of attributes that its specification declares. For cars
 outside its own area it gets data of the platform into whose area they drive: percepts, states, relations or events (`anchoring/cooperation/sharing.py`). The level is chosen once a second for
 each platform, within what `(share kbit_s: 50)` declares for all, those first into whose area cars drive; `(share level: events)` fixes it.
 """
@@ -16,11 +16,14 @@ from agents.config import PlatformConfig
 from agents.cooperation.cooperation import Cooperation
 from agents.cooperation.remote_percepts import RemotePercepts
 from agents.cooperation.track_records import (
+    ATTRIBUTES,
     EVENTS,
     IDENTITIES,
     RELATIONS,
     TRACKS,
+    attribute_value,
     event_value,
+    object_attribute,
     pair_event,
     pair_relation,
     relation_value,
@@ -29,6 +32,7 @@ from agents.exchange.export_proxy import ExportProxy
 from agents.interface import InterfaceAgent
 from agents.part import Part, PeerChange
 from agents.tasks.requests import SHARE
+from anchoring.cooperation.attributes import AttributeChanges, ObjectAttribute
 from anchoring.cooperation.manoeuvres import (
     PairEvents,
     PairRelation,
@@ -64,11 +68,14 @@ BUSY: Final = "too busy"
 SETTLES_US: Final = 10 * US_PER_S
 """A platform that has been there for so long and offers no tracks links nothing."""
 MOST_RECOGNISED: Final = 200
+MOST_OBJECTS: Final = 2
+"""Of an attribute that is shared."""
 _LABELS: Final[Mapping[str, SharingLevel]] = {
     PERCEPTS: "percepts", TRACKS: "states", RELATIONS: "relations", EVENTS: "events"
 }  # fmt: skip
 _STREAM: Final[Mapping[SharingLevel, Mapping[str, int]]] = {
-    "events": {EVENTS: PERIOD_US}, "relations": {RELATIONS: PERIOD_US}, "percepts": {PERCEPTS: PERCEPTS_US}
+    "events": {EVENTS: PERIOD_US, ATTRIBUTES: 0}, "relations": {RELATIONS: PERIOD_US, ATTRIBUTES: 0},
+    "states": {ATTRIBUTES: 0}, "percepts": {PERCEPTS: PERCEPTS_US}
 }  # fmt: skip
 
 
@@ -101,7 +108,7 @@ class Handover(Part):
         self._translation, self._directory, self._exporter = translation, directory, exporter
         self._cooperation, self._note = cooperation, note
         self._frame = None if config.cameras is None else config.cameras.frame
-        self._labels = {name: translation.local_label(name, config.unit) for name in (RELATIONS, EVENTS)}
+        self._labels = {name: translation.local_label(name, config.unit) for name in (RELATIONS, EVENTS, ATTRIBUTES)}
         for name in self._labels:
             network.add_source(self._labels[name], translation.local_sort(name))
         self.levels: dict[str, SharingLevel] = {}
@@ -115,9 +122,10 @@ class Handover(Part):
         self._overtakes = parse_chronicles(text)
         self._instance = instance
         self._spans: dict[ChronicleFile, SpanningManoeuvres] = {}
+        self._changes: dict[ChronicleFile, AttributeChanges] = {}
         self._due_us = self._decide_us = 0
         cooperation.takers |= {
-            RELATIONS: self._on_relation, EVENTS: self._on_event, CAMERA: self._on_camera, PERCEPTS: self._on_percept
+            RELATIONS: self._on_relation, EVENTS: self._on_event, ATTRIBUTES: self._on_attribute, CAMERA: self._on_camera, PERCEPTS: self._on_percept
         }  # fmt: skip
 
     def labels(self) -> Iterable[LabelEntry]:
@@ -242,6 +250,22 @@ class Handover(Part):
             if not all(taken):
                 picture.gate.refuse(unit, "late relations, or too many")
 
+    def _on_attribute(self, unit: str, sample: Sample) -> None:
+        """Take what a platform has of objects that it tracks."""
+        picture, attribute = self._cooperation.picture, object_attribute(sample)
+        now_us = self._network.now_us
+        if picture is None or not picture.gate.is_affordable(unit, now_us):
+            return
+        wanting = [] if attribute is None else [each for each in self._spans.values() if each.wants(attribute.label)]
+        if attribute is None or not all(picture.is_tracked_by(unit, each) for each in attribute.label.objects):
+            picture.gate.refuse(unit, "attributes of objects that it does not track")
+        elif not wanting:
+            picture.gate.refuse(unit, "attributes that no chronicle has")
+        else:
+            taken = [each.take_attribute_from(attribute, now_us) for each in wanting]
+            if not all(taken):
+                picture.gate.refuse(unit, "late attributes, or too many")
+
     def _on_camera(self, unit: str, sample: Sample) -> None:
         if self._frame is None or sample.value is NO_VALUE:
             return
@@ -279,10 +303,22 @@ class Handover(Part):
         found = self._relations.step(rows, at_us)
         own = {row.name for row in rows if self._unit in row.by}
         self._offer_news([each for each in found if own.issuperset(each.pair)], federation_us)
+        every = picture.rows(at_us)
+        for content, changes in self._changes.items():
+            self._take_own(content, changes.news(every, self._unit, federation_us), federation_us)
         for spans in self._spans.values():
+            spans.see(every, self._unit)
             spans.take(found)
             for instance in spans.on_time(federation_us):
                 self._recognise(instance, spans.subjects(instance))
+
+    def _take_own(self, content: ChronicleFile, news: list[ObjectAttribute], federation_us: int) -> None:
+        spans = self._spans.get(content)
+        for each in news:
+            if spans is not None and spans.wants(each.label):
+                spans.take_own(each)
+                if each.is_shared and 1 <= len(each.label.objects) <= MOST_OBJECTS:
+                    self._push(ATTRIBUTES, each.seen_us, attribute_value(each), federation_us)
 
     def _recognise(self, instance: ChronicleInstance, subjects: tuple[str, ...]) -> None:
         times = [at_ms for at_ms in instance.instants.values() if at_ms > 0]
@@ -297,13 +333,21 @@ class Handover(Part):
 
     def _renew(self) -> None:
         """The chronicles that are recognised: those that the specification declares, and overtakes in any case."""
-        declared = [each.content for each in self._instance.chronicles.values()]
-        wanted: dict[ChronicleFile, tuple[str, ...]] = {each: handed_over(each) for each in declared}
-        if not any("passes" in names for names in wanted.values()):
-            wanted[self._overtakes] = ("passes",)
+        declared = {each.content: each.watch for each in self._instance.chronicles.values()}
+        wanted = {each: (handed_over(each), watch.initially) for each, watch in declared.items()}
+        if not any("passes" in names for names, _ in wanted.values()):
+            wanted[self._overtakes] = ("passes",), False
         self._spans = {
-            each: self._spans.get(each) or SpanningManoeuvres(each, *names) for each, names in wanted.items() if names
+            each: self._spans.get(each) or SpanningManoeuvres(each, *names, initially=initially)
+            for each, (names, initially) in wanted.items()
+            if names
         }
+        for content, watch in declared.items():
+            changes = self._changes.setdefault(content, AttributeChanges(watch.delay_us + US_PER_MS))
+            if watch.follow(changes):
+                for label, value in watch.values.items():
+                    changes.on_sample(label, self._network.now_us - watch.delay_us, value)
+        self._changes = {each: one for each, one in self._changes.items() if each in declared}
 
     def _sees(self, row: PictureRow) -> bool:
         """Whether its state is known here, and not only to platforms that share less."""

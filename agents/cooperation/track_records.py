@@ -5,17 +5,19 @@ from typing import Any, Final, get_args
 
 import numpy as np
 
+from anchoring.cooperation.attributes import LONGEST, ObjectAttribute
 from anchoring.cooperation.manoeuvres import EventKind, Pair, PairEvent, PairRelation
 from anchoring.cooperation.reports import IdentityClaim, TrackReport
 from anchoring.cooperation.rows import PictureRow
 from anchoring.links.states import UNMEASURED, ObjectState
-from dyknow import NO_VALUE, US_PER_S, Sample, Sort, Value
+from dyknow import NO_VALUE, US_PER_S, Label, Sample, Sort, Value
 
 TRACKS: Final = "object-tracks"
 IDENTITIES: Final = "object-identities"
 PICTURE: Final = "global-objects"
 RELATIONS: Final = "pair-relations"
 EVENTS: Final = "pair-events"
+ATTRIBUTES: Final = "object-attributes"
 """Semantic labels."""
 _NOTHING: Final = float("nan")
 
@@ -102,6 +104,25 @@ def pair_event(sample: Sample) -> PairEvent | None:
         return None
     _, one, other, kind, _ = sample.value
     return PairEvent(sample.valid_us, (one, other), kind) if kind in get_args(EventKind) and one != other else None
+
+
+def attribute_value(attribute: ObjectAttribute) -> Value:
+    """A value of an attribute as one of `object-attributes`."""
+    label = attribute.label
+    one, other = (*label.objects, "")[:2]
+    return str(label), label.feature, one, other, attribute.value, attribute.since_us / US_PER_S, False
+
+
+def object_attribute(sample: Sample) -> ObjectAttribute | None:
+    """What a sample of `object-attributes` says; None: nothing that can be."""
+    if sample.value is NO_VALUE or NO_VALUE in sample.value:
+        return None
+    _, feature, one, other, value, since_s, _ = sample.value
+    since_us = round(since_s * US_PER_S)
+    is_short = all(0 < len(each) <= LONGEST for each in (feature, one, value)) and len(other) <= LONGEST
+    if not is_short or one == other or since_us > sample.valid_us:
+        return None
+    return ObjectAttribute(Label(feature, (one, other) if other else (one,)), value, since_us, sample.valid_us)
 
 
 def _pair_name(pair: Pair) -> str:

@@ -2,21 +2,21 @@
 
 Of each two objects that are near each other the relations of 8.7.5 are computed from their states under their common names, in
 the direction in which the first drives. What others report of the same pairs is taken with them, in the order of valid times,
-and chronicles are recognised over all: any whose attributes are relations of two objects.
+and so is each further attribute that a chronicle speaks of (`attributes.py`). Chronicles are recognised over all.
 """
 
-from collections.abc import Iterable, Mapping
+from collections.abc import Collection, Iterable, Mapping
 from heapq import heappop, heappush
 from itertools import permutations
 from math import atan2, cos, hypot, sin
 from typing import Any, Final, Literal, NamedTuple, TypeAlias
 
+from anchoring.cooperation.attributes import ObjectAttribute, Sights
 from anchoring.cooperation.rows import PictureRow
 from anchoring.links.states import ObjectState
 from compunits import ROAD_RELATIONS, RoadRelations, SmoothOffset, StableFields
-from dyknow import US_PER_S, ComputationalUnit, Label, Sample, UnitPrototype, Value, prototypes_in
+from dyknow import US_PER_MS, US_PER_S, ComputationalUnit, Label, Sample, UnitPrototype, Value, prototypes_in
 from reasoning.chronicles import ChangeEvents, ChronicleFile, ChronicleInstance, Recogniser, compile_chronicle
-from reasoning.chronicles.definition.compilation import Pattern
 
 NEAR_M: Final = 80.0
 MOVES_M_S: Final = 2.0
@@ -136,78 +136,133 @@ def as_relation(event: PairEvent) -> PairRelation:
 
 
 def handed_over(chronicles: ChronicleFile) -> tuple[str, ...]:
-    """The chronicles of a file that are recognised over the areas of several members: all they need are relations of two objects.
-
-    The attributes may be those of any stream of two objects, `car_relations.behind[?a, ?b]`.
+    """The chronicles of a file that are recognised over the areas of several members: all they need are attributes, no messages.
 
     Raises:
         ChronicleError: one of them cannot be recognised.
     """
-    compiled = {name: compile_chronicle(each, chronicles) for name, each in chronicles.chronicles.items()}
-    left = dict(compiled)
+    left = {name: compile_chronicle(each, chronicles) for name, each in chronicles.chronicles.items()}
     while True:
-        kept = {name: each for name, each in left.items() if all(_is_handed_over(one, left) for one in each.patterns)}
+        kept = {
+            name: each for name, each in left.items() if all(one.change or one.name in left for one in each.patterns)
+        }
         if len(kept) == len(left):
             return tuple(kept)
         left = kept
 
 
-def _is_handed_over(pattern: Pattern, chronicles: Mapping[str, object]) -> bool:
-    if not pattern.change:
-        return pattern.name in chronicles
-    return pattern.arity == len(("first", "second")) and pattern.name.rpartition(".")[2] in _FIELDS
+def _field(attribute: str, arity: int) -> str | None:
+    """The relation of two objects that an attribute is, in the stream of any name; None: it is none."""
+    field = attribute.rpartition(".")[2]
+    return field if arity == len(("first", "second")) and field in _FIELDS else None
 
 
 class SpanningManoeuvres:
-    """Recognises chronicles over the relations that this member and others have of pairs.
+    """Recognises chronicles over what this member and others have of objects.
 
     Args:
-        chronicles: over the attributes `car_relations.behind[?car1, ?car2]` and so on.
+        chronicles: over the attributes `car_relations.behind[?car1, ?car2]`, `lane[?car]` and so on.
         names: which of them.
+        initially: whether first values have been so since ever; names: those of these streams.
     """
 
-    def __init__(self, chronicles: ChronicleFile, *names: str) -> None:
+    def __init__(self, chronicles: ChronicleFile, *names: str, initially: bool | Collection[str] = False) -> None:
         self._recogniser = Recogniser.of(chronicles, names, max_age_ms=MAX_AGE_MS)
-        self._events = ChangeEvents(self._recogniser)
+        self._events = ChangeEvents(self._recogniser, initially=initially)
         self._names, self._chronicles = frozenset(names), chronicles
-        attributes = {each for each, _ in self._recogniser.attributes}
+        attributes = self._recogniser.attributes
         self._wanted = [
-            (_FIELDS.index(field), each) for each in sorted(attributes) if (field := each.rpartition(".")[2]) in _FIELDS
+            (_FIELDS.index(field), each) for each, arity in sorted(attributes) if (field := _field(each, arity))
         ]
+        self._attributes = {(each, arity) for each, arity in attributes if _field(each, arity) is None}
         self._count = 0
-        self._waiting: list[tuple[int, int, int, Pair, tuple[bool | None, ...]]] = []
-        self._own_us: dict[Pair, int] = {}
+        self._waiting: list[tuple[int, int, int, tuple[tuple[Label, object], ...]]] = []
+        self._own_us: dict[tuple[str, ...], int] = {}
+        self._sights, self._own = Sights(), Sights()
+        self._valued_us: dict[Label, int] = {}
+        self._own_labels: dict[Label, int] = {}
+
+    def see(self, rows: Iterable[PictureRow], unit: str) -> None:
+        """Objects of the picture are seen, some by this member itself."""
+        seen = {row.name: (row.seen_us, row.by) for row in rows if row.by}
+        self._sights.see({name: at_us for name, (at_us, _) in seen.items()})
+        self._own.see({name: at_us for name, (at_us, by) in seen.items() if unit in by})
+
+    def wants(self, label: Label) -> bool:
+        """Whether a chronicle speaks of this attribute, and it is none of the relations that the picture has."""
+        return (label.feature, len(label.objects)) in self._attributes
 
     def take(self, relations: Iterable[PairRelation]) -> None:
         """Take what this member sees itself."""
         for each in relations:
             self._own_us[each.pair] = max(each.valid_us, self._own_us.get(each.pair, 0))
-            self._wait(each, 0)
+            self._wait(each.valid_us, 0, self._values(each))
+
+    def take_own(self, attribute: ObjectAttribute) -> None:
+        """Take a value that this member has itself."""
+        if self.wants(attribute.label) and len(self._waiting) < MOST_WAITING:
+            self._own_labels[attribute.label] = attribute.seen_us
+            at_us = attribute.since_us if attribute.seen_us - attribute.since_us < LATE_US else attribute.seen_us
+            self._wait(at_us, 0, ((attribute.label, attribute.value),))
 
     def take_from(self, relation: PairRelation, now_us: int) -> bool:
         """Take what another member reports, which counts where this one does not see the pair; False: it is of another time, or too much."""
-        is_timely = now_us - LATE_US <= relation.valid_us <= now_us + EARLY_US
+        return self._take_late(relation.valid_us, self._values(relation), now_us)
+
+    def take_attribute_from(self, attribute: ObjectAttribute, now_us: int) -> bool:
+        """Take a value that another member has; it counts where this one has none. False: it is of another time, or too much."""
+        late = attribute.since_us < now_us - LATE_US
+        at_us = attribute.seen_us if late else attribute.since_us
+        return self._take_late(at_us, ((attribute.label, attribute.value),), now_us)
+
+    def _take_late(self, at_us: int, values: tuple[tuple[Label, object], ...], now_us: int) -> bool:
+        is_timely = now_us - LATE_US <= at_us <= now_us + EARLY_US
         if is_timely and len(self._waiting) < MOST_WAITING:
-            self._wait(relation, 1)
+            self._wait(at_us, 1, values)
             return True
         return False
 
-    def _wait(self, relation: PairRelation, other: int) -> None:
+    def _values(self, relation: PairRelation) -> tuple[tuple[Label, object], ...]:
+        return tuple((Label(name, relation.pair), relation.record[at]) for at, name in self._wanted)
+
+    def _wait(self, at_us: int, other: int, values: tuple[tuple[Label, object], ...]) -> None:
         self._count += 1
-        heappush(self._waiting, (relation.valid_us, other, self._count, relation.pair, relation.record))
+        heappush(self._waiting, (at_us, other, self._count, values))
 
     def on_time(self, now_us: int) -> list[ChronicleInstance]:
         """What is recognised of all that is valid `LATE_US` before."""
         found: list[ChronicleInstance] = []
         if len(self._own_us) > 2 * MOST_PAIRS:
             self._own_us = {pair: at_us for pair, at_us in self._own_us.items() if now_us - at_us <= 2 * LATE_US}
+        for known in (self._valued_us, self._own_labels):
+            while len(known) > MOST_WAITING:
+                del known[next(iter(known))]
         while self._waiting and self._waiting[0][0] <= now_us - LATE_US:
-            valid_us, other, _, pair, record = heappop(self._waiting)
-            if other and valid_us <= self._own_us.get(pair, 0):
-                continue
-            for at, name in self._wanted:
-                found += self._events.on_sample(Label(name, pair), valid_us, record[at])
-        return [each for each in found if each.chronicle in self._names]
+            valid_us, other, _, values = heappop(self._waiting)
+            for label, value in values:
+                if self.wants(label):
+                    found += self._on_attribute(label, valid_us, value, other)
+                elif not other or valid_us > self._own_us.get(label.objects, 0):
+                    found += self._events.on_sample(label, valid_us, value)
+        found += self._recogniser.on_time((now_us - LATE_US) // US_PER_MS) if self._valued_us else ()
+        return [each for each in found if each.chronicle in self._names and self._is_of_picture(each)]
+
+    def _on_attribute(self, label: Label, valid_us: int, value: object, other: int) -> list[ChronicleInstance]:
+        """A value of objects that are seen; what was not seen for a second has none, and then a first one."""
+        shown = [each for each in label.objects if each in self._sights]
+        if not all(self._sights.has(each, valid_us) for each in shown):
+            return []
+        if other and label in self._own_labels and all(self._own.has(each, valid_us) for each in shown):
+            return []
+        last_us = self._valued_us.pop(label, valid_us)
+        if any(last_us < self._sights.since_us(each) <= valid_us for each in shown):
+            self._events.forget(label)
+        self._valued_us[label] = valid_us
+        return self._events.on_sample(label, valid_us, value)
+
+    def _is_of_picture(self, instance: ChronicleInstance) -> bool:
+        """Whether it is of an object of the picture, where it can be of something else: the platform itself recognises those."""
+        return not self._attributes or any(each in self._sights for each in instance.bindings.values())
 
     def subjects(self, instance: ChronicleInstance) -> tuple[str, ...]:
         """The arguments of a manoeuvre, in the order of its chronicle."""

@@ -147,6 +147,10 @@ class GlobalPicture:
         """Whether there is an object of that name."""
         return name in self._objects
 
+    def is_tracked_by(self, unit: str, name: str) -> bool:
+        """Whether a member has a track of the object of that name."""
+        return name in self._objects and any(key.unit == unit for key in self._objects[name].tracks)
+
     def name_of(self, unit: str, symbol: str) -> str | None:
         """What the object is called that a member has under a symbol of its own."""
         key = self._tracks.key(unit, symbol)

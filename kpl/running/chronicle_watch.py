@@ -10,10 +10,10 @@ by default, and are then passed on in the order of their valid times; what is la
 """
 
 from collections import Counter
-from collections.abc import Callable, Collection, Sequence
+from collections.abc import Callable, Collection, Mapping, Sequence
 from functools import partial
 from heapq import heappop, heappush
-from typing import Final, NamedTuple
+from typing import Final, NamedTuple, Protocol
 
 from dyknow import NO_VALUE, Label, Network, Policy, Sample, Sort, Value
 from dyknow.model.instants import US_PER_MS, US_PER_S
@@ -54,6 +54,14 @@ class QueuedSample(NamedTuple):
     parts: Sequence[tuple[int, Label]] = ()
 
 
+class FollowsAttributes(Protocol):
+    """Takes what comes of the attributes of chronicles."""
+
+    def on_sample(self, label: Label, valid_us: int, value: Value) -> None: ...
+
+    def forget(self, label: Label) -> None: ...
+
+
 class ChronicleWatch:
     """Chronicles recognised over the streams of a network; raises ChronicleError if they cannot be.
 
@@ -70,6 +78,7 @@ class ChronicleWatch:
         delay_us: how late their samples may come.
         recogniser: what has happened so far; it can be asked for partial instances.
         listeners: called when the clock has moved, with the present time.
+        initially: as above.
     """
 
     def __init__(
@@ -87,7 +96,8 @@ class ChronicleWatch:
     ) -> None:
         compiled = [chronicles.compile_chronicle(each, content, max_age_ms) for each in content.chronicles.values()]
         self.recogniser = chronicles.Recogniser(compiled, limits)
-        self._predicted = PredictedEvents(compiled)
+        self._predicted, self.initially = PredictedEvents(compiled), initially
+        self._followers: list[FollowsAttributes] = []
         self._events = chronicles.ChangeEvents(self.recogniser, initially=initially)
         self.proxies: dict[Label, StreamProxy] = {}
         self.network, self.delay_us = network, delay_us
@@ -151,6 +161,18 @@ class ChronicleWatch:
         for proxy in self.proxies.values():
             counts += proxy.adapter.dropped
         return counts
+
+    @property
+    def values(self) -> Mapping[Label, str]:
+        """The last value of each stream."""
+        return self._events.values
+
+    def follow(self, follower: FollowsAttributes) -> bool:
+        """Tell it each sample of an attribute in its order, from now on; False: it is so already."""
+        if any(each is follower for each in self._followers):
+            return False
+        self._followers.append(follower)
+        return True
 
     def _tell_ignored(self) -> None:
         """At the first, and whenever there are ten times as many as were reported; values that are no events are not lost."""
@@ -240,6 +262,8 @@ class ChronicleWatch:
             proxy = self.proxies.pop(label, None)
             for part in (label, *(part for _, part in self._parts.pop(label, ()))):
                 self._events.forget(part)
+                for follower in self._followers:
+                    follower.forget(part)
             self._records.pop(label, None)
             if proxy is not None:
                 self._dropped += proxy.adapter.dropped
@@ -292,6 +316,8 @@ class ChronicleWatch:
             self._once(label, f"{value!r} is no symbol: what a chronicle speaks of has discrete values")
         if new is not None and new != old:
             self._predicted.on_event(valid_us // US_PER_MS, label.feature, (*label.objects, old, new), prediction)
+        for follower in self._followers:
+            follower.on_sample(label, valid_us, value)
         self._bring(self._events.on_sample(label, valid_us, value), now_us)
 
     def _bring(self, found: list[chronicles.ChronicleInstance], now_us: int) -> None:

@@ -52,6 +52,7 @@ LABELS: Final = (
     "heli-position", "heli-altitude", "heli-velocity", "heli-height", "heli-home", "battery", "nonsense", "object-tracks",
     "object-identities", "global-objects", "saliency-entries", "saliency-map", "camera-state", "camera-view",
     "vision-percepts", "scanned-area", "assigned-area", "top-speed", "believed-objects", "pair-events",
+    "object-attributes",
 )  # fmt: skip
 IMAGE_US: Final = 1_000_000
 OVER: Final = ((-20.0, 10.0), (30.0, 20.0))
