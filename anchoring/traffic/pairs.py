@@ -5,7 +5,7 @@ from compunits import StableFollowing, StableRelations
 
 
 class RelationsOnMap(StableRelations):
-    """As `StableRelations`, also of cars on two links of which one continues the other, and where a road continues in a crossing."""
+    """As `StableRelations`, also of cars on two links where one continues the other, and where a road continues in a crossing."""
 
     def __init__(self, network: RoadNetwork, **settings: float) -> None:
         super().__init__(**settings)
