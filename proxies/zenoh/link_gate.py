@@ -98,9 +98,9 @@ class LinkGate:
             if ends not in self._closed:  # else Zenoh has not noticed yet
                 self._of_one.setdefault(name, {})[ends] = None
             is_full = sum(map(len, self._of_one.values())) > SESSIONS - RESERVED
-        for each in (
-            list(self._of_one) if is_full else ()
-        ):  # whichever member takes the place of the one that is linked now
+        if not is_full:
+            return
+        for each in list(self._of_one):  # whichever member takes the place of the one that is linked now
             self._close_surplus(each, MOST_OF_ONE)
 
     def _close_surplus(self, name: str, most: int) -> None:
