@@ -174,7 +174,7 @@ def test_while_places_are_scarce_all_surplus_is_closed_at_the_next_link_whatever
     monkeypatch.setattr(link_gate, "RESERVED", SESSIONS - places)
     monkeypatch.setattr(link_gate, "CLOSED_AT_ONCE", 0)
     made: list[LinkGate] = []
-    monkeypatch.setattr(LinkGate, "look", lambda self: made.append(self))
+    monkeypatch.setattr(LinkGate, "look", made.append)
     posted = gate(list)
     while not made:
         threading.Event().wait(0.01)
