@@ -174,7 +174,11 @@ def test_while_places_are_scarce_all_surplus_is_closed_at_the_next_link_whatever
     monkeypatch.setattr(link_gate, "RESERVED", SESSIONS - places)
     monkeypatch.setattr(link_gate, "CLOSED_AT_ONCE", 0)
     made: list[LinkGate] = []
-    monkeypatch.setattr(LinkGate, "look", made.append)
+
+    def look(one: LinkGate) -> None:
+        made.append(one)
+
+    monkeypatch.setattr(LinkGate, "look", look)
     posted = gate(list)
     while not made:
         threading.Event().wait(0.01)
