@@ -40,7 +40,7 @@ class AuditLog:
         self._listeners.append(listener)
 
     def enter(self, at_us: int, direction: Direction, peer: str, act: Act | None, outcome: str) -> None:
-        """Note one act; `outcome` is `accepted`, `sent`, or a short reason that is counted; what is not answered is only counted."""
+        """Note one act. `outcome` is `accepted`, `sent`, or the reason why it was dropped; acts left unanswered are counted and not listed."""
         if self._held is not None:
             self._held.append((at_us, direction, peer, act, outcome))
             return

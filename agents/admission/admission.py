@@ -62,7 +62,7 @@ class Admission(Part):
         refuse: counts what is dropped before it is an act.
         contain: what becomes of an act whose part raises.
         watch: takes acts that are refused for their sender.
-        offer: called when what is shown changes.
+        offer: called when the conditions that `ls` shows change.
 
     Raises:
         UnitError: a part has no method that an action of it names.

@@ -124,6 +124,7 @@ class Handover(Part):
         self._spans: dict[ChronicleFile, SpanningManoeuvres] = {}
         self._changes: dict[ChronicleFile, AttributeChanges] = {}
         self._due_us = self._decide_us = 0
+        self._lost, self._lost_due = 0, 1
         cooperation.takers |= {
             RELATIONS: self._on_relation, EVENTS: self._on_event, ATTRIBUTES: self._on_attribute, CAMERA: self._on_camera, PERCEPTS: self._on_percept
         }  # fmt: skip
@@ -306,17 +307,25 @@ class Handover(Part):
         every = picture.rows(at_us)
         for content, changes in self._changes.items():
             self._take_own(content, changes.news(every, self._unit, federation_us), federation_us)
+            self._lost, changes.lost = self._lost + changes.lost, 0
+        self._tell_lost()
         for spans in self._spans.values():
             spans.see(every, self._unit)
             spans.take(found)
             for instance in spans.on_time(federation_us):
                 self._recognise(instance, spans.subjects(instance))
 
+    def _tell_lost(self) -> None:
+        """At the first, and whenever there are ten times as many as were noted."""
+        if self._lost >= self._lost_due:
+            self._lost_due = 10 * self._lost
+            self._note(f"handover: {self._lost} values of attributes were left out until now: there are too many")
+
     def _take_own(self, content: ChronicleFile, news: list[ObjectAttribute], federation_us: int) -> None:
         spans = self._spans.get(content)
         for each in news:
             if spans is not None and spans.wants(each.label):
-                spans.take_own(each)
+                self._lost += not spans.take_own(each)
                 if each.is_shared and 1 <= len(each.label.objects) <= MOST_OBJECTS:
                     self._push(ATTRIBUTES, each.seen_us, attribute_value(each), federation_us)
 

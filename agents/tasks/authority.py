@@ -177,7 +177,7 @@ class Authority(Part):
         return self._role_of(unit) is Role.COMMAND_CENTRE
 
     def owner(self, unit: str) -> str:
-        """The member behind a name, whose share of what is limited is used."""
+        """The roster member behind a name: quotas are counted by member."""
         return self._agent.acts.share_of(unit).owner
 
     # -- the order of succession -------------------------------------------------------------------------------

@@ -83,7 +83,7 @@ class CommandWatch(Part):
 
     Args:
         on_alarm: tells all parts of an alarm.
-        offer: called when what is shown changes.
+        offer: called when the conditions that `ls` shows change.
     """
 
     def __init__(

@@ -43,20 +43,27 @@ class AttributeChanges:
 
     Args:
         delay_us: how late samples come: a value is known until so long before.
+
+    Attributes:
+        lost: changes that were left out, since too many wait for names.
     """
 
     def __init__(self, delay_us: int) -> None:
-        self._delay_us = delay_us
+        self._delay_us, self.lost = delay_us, 0
         self._waiting: list[tuple[Label, int, str]] = []
         self._held: dict[Label, tuple[int, str]] = {}
         self._told_us: dict[Label, int] = {}
         self._names: dict[str, tuple[str, int]] = {}
 
     def on_sample(self, label: Label, valid_us: int, value: Value) -> None:
-        """A sample of a stream; what has no symbol is none of an attribute."""
+        """A sample of a stream. A value that is no symbol, such as a number, is ignored."""
         new = symbol(value)
         is_new = new is not None and self._held.get(label, (0, None))[1] != new
-        if new is not None and is_new and len(self._waiting) < MOST_HELD:
+        if new is None or not is_new:
+            return
+        if len(self._waiting) >= MOST_HELD:
+            self.lost += 1
+        else:
             if label not in self._held and len(self._held) >= MOST_HELD:
                 self._told_us.pop(oldest := next(iter(self._held)), None)
                 del self._held[oldest]
@@ -69,7 +76,7 @@ class AttributeChanges:
         self._told_us.pop(label, None)
 
     def news(self, rows: Iterable[PictureRow], unit: str, at_us: int) -> list[ObjectAttribute]:
-        """What has changed, and again after a while what is so of objects that this member sees."""
+        """Values that changed since the last call, and once a second each present value of objects that this member sees."""
         seen: set[str] = set()
         for row in rows:
             if unit in row.by:

@@ -198,12 +198,14 @@ class SpanningManoeuvres:
             self._own_us[each.pair] = max(each.valid_us, self._own_us.get(each.pair, 0))
             self._wait(each.valid_us, 0, self._values(each))
 
-    def take_own(self, attribute: ObjectAttribute) -> None:
-        """Take a value that this member has itself."""
-        if self.wants(attribute.label) and len(self._waiting) < MOST_WAITING:
-            self._own_labels[attribute.label] = attribute.seen_us
-            at_us = attribute.since_us if attribute.seen_us - attribute.since_us < LATE_US else attribute.seen_us
-            self._wait(at_us, 0, ((attribute.label, attribute.value),))
+    def take_own(self, attribute: ObjectAttribute) -> bool:
+        """Take a value that this member has itself; False: too many wait."""
+        if len(self._waiting) >= MOST_WAITING:
+            return False
+        self._own_labels[attribute.label] = attribute.seen_us
+        at_us = attribute.since_us if attribute.seen_us - attribute.since_us < LATE_US else attribute.seen_us
+        self._wait(at_us, 0, ((attribute.label, attribute.value),))
+        return True
 
     def take_from(self, relation: PairRelation, now_us: int) -> bool:
         """Take what another member reports, which counts where this one does not see the pair; False: it is of another time, or too much."""
@@ -248,7 +250,7 @@ class SpanningManoeuvres:
         return [each for each in found if each.chronicle in self._names and self._is_of_picture(each)]
 
     def _on_attribute(self, label: Label, valid_us: int, value: object, other: int) -> list[ChronicleInstance]:
-        """A value of objects that are seen; what was not seen for a second has none, and then a first one."""
+        """A value of an attribute. It is dropped if an object was not seen for a second, and is a first value once the object is seen again."""
         shown = [each for each in label.objects if each in self._sights]
         if not all(self._sights.has(each, valid_us) for each in shown):
             return []

@@ -17,7 +17,7 @@ _SLIP_M: Final = 150.0
 
 
 def cut_road(made: Minute, seed: int, links: int, slips: str = "") -> str:
-    """GeoJSON of so many links of drawn lengths, of one way; `slips`: an "entrance" or an "exit" at one of the borders."""
+    """GeoJSON of a one-way road cut into links of drawn lengths; `slips`: an "entrance" or an "exit" at one of the borders."""
     rng = np.random.default_rng((seed, 27))
     assert made.place is not None
     begin_m, end_m = VIEW_M[0] - _BEYOND_M, VIEW_M[1] + _BEYOND_M

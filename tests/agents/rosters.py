@@ -13,12 +13,10 @@ ROLES: dict[str, Role] = {
     "cd": "command-centre",
     "obs": "observer",
 }
+SEEDS = {unit: sha256(unit.encode()).digest() for unit in ROLES}
+MEMBERS = {unit: RosterMember(unit, Signer(SEEDS[unit], "default").public_key, ROLES[unit]) for unit in ROLES}
 
 
 def trust(unit: str) -> Trust:
     """Of a member, with its own key."""
-    seeds = {each: sha256(each.encode()).digest() for each in ROLES}
-    members = {
-        each: RosterMember(each, Signer(seed, "default").public_key, ROLES[each]) for each, seed in seeds.items()
-    }
-    return Trust.of(Roster(members), seeds[unit], "default", START_US - 1_000_000)
+    return Trust.of(Roster(MEMBERS), SEEDS[unit], "default", START_US - 1_000_000)

@@ -166,7 +166,7 @@ def open_links(candidates: Iterable[LinkCandidates], process: str) -> dict[str, 
 def known_before(
     open_links: Mapping[str, OpenLink], available: Mapping[str, tuple[LinkObject, int]], targets: Iterable[str]
 ) -> dict[str, tuple[LinkObject, LastSeen]]:
-    """Objects of B, and how they are known without what is linked at this tick, or may be."""
+    """Objects of B, each as it was known before it was linked at this tick, or before its open link."""
     found = {name: (each.link.target, each.before) for name, each in open_links.items()}
     free = {name: available[name][0] for name in targets if name not in found}
     return found | {name: (one, one.last_seen) for name, one in free.items()}

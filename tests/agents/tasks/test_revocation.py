@@ -1,7 +1,6 @@
 """A member is revoked while platforms act by its word: what it has permitted, delegated and asked for ends at each of them."""
 
 from dataclasses import replace
-from hashlib import sha256
 
 import pytest
 
@@ -25,22 +24,12 @@ from federation.messages.contents import (
     PermitMission,
     Reason,
 )
-from federation.security import trust as security
-from federation.security.trust import Roster, RosterMember, Signer, Trust
+from federation.security.trust import Roster, Trust
 from federation.transport import RosterRead
+from tests.agents.rosters import MEMBERS, ROLES, SEEDS
 from tests.box import EPOCH, Box, Question, Vehicle
 
 P = Performative
-ROLES: dict[str, security.Role] = {
-    "0": "uav",
-    "1": "uav",
-    "2": "uav",
-    "cc": "command-centre",
-    "cd": "command-centre",
-    "obs": "observer",
-}
-SEEDS = {unit: sha256(unit.encode()).digest() for unit in ROLES}
-MEMBERS = {unit: RosterMember(unit, Signer(SEEDS[unit], "default").public_key, ROLES[unit]) for unit in ROLES}
 ROSTER = Roster(MEMBERS, "default", "ab" * 8, 1)
 AREA = ("58.0 15.0", "58.01 15.0", "58.01 15.02", "58.0 15.02")
 GO = PerformCommands(

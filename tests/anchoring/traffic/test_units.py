@@ -5,6 +5,7 @@ import math
 
 import pytest
 
+from anchoring.roads.network import RoadNetwork
 from anchoring.traffic.units import road_units
 from compunits.registry import Catalogue
 from dyknow import NO_VALUE, US_PER_S
@@ -165,13 +166,17 @@ def test_the_example_says_when_and_why_a_crane_and_an_ambulance_cannot_pass() ->
     ]
 
 
-PAIR = read_roads(
-    text(
-        crossing("a", 0, 0), crossing("b", 300, 0),
-        link("out", "a", "b", [(0, 0), (300, 0)], lanes=1, width_m=3.2, oneway=True),
-        link("back", "b", "a", [(300, 3.2), (0, 3.2)], lanes=1, width_m=3.2, oneway=True),
-    )
-)  # fmt: skip
+def carriageways(apart_m: float) -> RoadNetwork:
+    """Two links of one lane each, the one there along y = 0 and the other back."""
+    return read_roads(
+        text(
+            crossing("a", 0, 0), crossing("b", 300, 0),
+            link("out", "a", "b", [(0, 0), (300, 0)], lanes=1, width_m=3.2, oneway=True),
+            link("back", "b", "a", [(300, apart_m), (0, apart_m)], lanes=1, width_m=3.2, oneway=True),
+        )
+    )  # fmt: skip
+
+
 ON_MAP = """
 sort seen-object(symbol in text, x_m in m, y_m in m)
 source seen-object tracker
@@ -186,7 +191,7 @@ stream at = on
 def test_a_track_that_strays_onto_the_lane_of_the_other_way_stays_on_its_own_while_it_goes_its_way(
     speed_m_s: float, links: set[str]
 ) -> None:
-    streets = Streets(ON_MAP, PAIR)
+    streets = Streets(ON_MAP, carriageways(3.2))
     begin_m = 40.0 if speed_m_s > 0 else 260.0
     streets.drive(15.0, {"c": lambda at_s: (begin_m + speed_m_s * at_s, 1.6 + 2.4 * math.sin(at_s))}, period_s=0.2)
     found = streets.values("at")
@@ -196,15 +201,6 @@ def test_a_track_that_strays_onto_the_lane_of_the_other_way_stays_on_its_own_whi
 
 
 def test_what_drives_against_its_lane_is_on_the_lane_where_it_is() -> None:
-    streets = Streets(ON_MAP, ROADS_APART)
+    streets = Streets(ON_MAP, carriageways(9.0))
     streets.drive(15.0, {"c": lambda at_s: (280.0 - 12.0 * at_s, 0.0)}, period_s=0.2)
     assert {link_name for *_, link_name, _ in streets.values("at")} == {"out"}
-
-
-ROADS_APART = read_roads(
-    text(
-        crossing("a", 0, 0), crossing("b", 300, 0),
-        link("out", "a", "b", [(0, 0), (300, 0)], lanes=1, width_m=3.2, oneway=True),
-        link("back", "b", "a", [(300, 9), (0, 9)], lanes=1, width_m=3.2, oneway=True),
-    )
-)  # fmt: skip
