@@ -7,7 +7,7 @@ import pytest
 
 from anchoring.roads.network import RoadNetwork
 from anchoring.traffic.units import road_units
-from compunits.registry import Catalogue
+from compunits.registry import Catalogue, library
 from dyknow import NO_VALUE, US_PER_S
 from dyknow.model.members import MAX_MEMBERS
 from tests.anchoring.roads.towns import crossing, link, read_roads, text
@@ -37,7 +37,7 @@ stream way = routes
 
 class Streets(Running):
     def __init__(self, text=SPECIFICATION, roads=ROADS):
-        super().__init__(text, road_units(roads), sorts={})
+        super().__init__(text, [*library().values(), *road_units(roads)], sorts={})
 
     def drive(self, seconds, cars, begin_s=0.0, period_s=0.5):
         """Cars whose places are given as functions of time, seconds."""
@@ -204,3 +204,38 @@ def test_what_drives_against_its_lane_is_on_the_lane_where_it_is() -> None:
     streets = Streets(ON_MAP, carriageways(9.0))
     streets.drive(15.0, {"c": lambda at_s: (280.0 - 12.0 * at_s, 0.0)}, period_s=0.2)
     assert {link_name for *_, link_name, _ in streets.values("at")} == {"out"}
+
+
+CUT = read_roads(
+    text(
+        crossing("a", 0, 0, 1.0), crossing("b", 300, 0, 4.0), crossing("c", 700, 0, 1.0),
+        link("before", "a", "b", [(0, 0), (300, 0)], lanes=1, width_m=3.2, oneway=True),
+        link("after", "b", "c", [(300, 0), (700, 0)], lanes=1, width_m=3.2, oneway=True),
+    )
+)  # fmt: skip
+FOLLOWING = """
+sort seen-object(symbol in text, x_m in m, y_m in m)
+source seen-object tracker
+compunit seen-car OnMap(seen-object)
+compunit car CarInLane(seen-car)
+compunit pairs NearPairs(seen-object)
+compunit following {unit}(car, car)
+strmgen cars = tracker
+for c in cars strmgen on[c] = OnMap(cars[c])
+for c in cars strmgen car[c] = CarInLane(on[c])
+strmgen near = NearPairs(cars)
+for a, b in near strmgen follows[a, b] = {unit}(car[a], car[b])
+for a, b in near stream follow = follows[a, b]
+"""
+
+
+@pytest.mark.parametrize(("unit", "holds"), [("FollowingOnMap", True), ("StableFollowing", False)])
+def test_who_follows_too_closely_does_so_past_the_joint_of_two_links_of_a_road(unit: str, *, holds: bool) -> None:
+    streets = Streets(FOLLOWING.format(unit=unit), CUT)
+    cars = {name: through(15.0, begin_m, 0.0) for name, begin_m in (("back", 100.0), ("front", 110.0))}
+    streets.drive(25.0, cars, period_s=0.1)
+    found = [sample for name, sample in streets.outputs if name == "follow-back-front"]
+    too_close = [each for each in found if each.value is not NO_VALUE and each.value[-1]]
+    assert too_close
+    at_joint = [each for each in found if 12.0 * US_PER_S < each.valid_us < 16.0 * US_PER_S and each.value is NO_VALUE]
+    assert (not at_joint) == holds
