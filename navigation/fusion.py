@@ -105,7 +105,7 @@ class PositionFilter:
         self._candidate: Candidate | None = None
         self._reason = faults.SILENT
         self._velocity: Measurement | None = None
-        self._position_us = self._altitude_us = 0
+        self._position_us = self._altitude_us = self._arrived_us = 0
         self._interval_us = self._altitude_interval_us = horizon_us * 2 // 5
         self._has_fix: bool | None = None
         self._lost_us: int | None = None
@@ -118,7 +118,7 @@ class PositionFilter:
     def deadline_us(self) -> int | None:
         """When `on_time` has work: the next grid point's wait is over, or the stream goes stale. None: nothing waits."""
         if self.health.state == "stale":
-            return None
+            return self._silent_us if self.health.reason == faults.LATE else None
         return min(self._next_us, self._end_us) + self._wait_us
 
     def on_report(self, report: vehicle.Report, now_us: int) -> list[Sample]:
@@ -126,6 +126,7 @@ class PositionFilter:
         found = self._until(now_us - 1)
         match report:
             case vehicle.PositionReport():
+                self._arrived_us = now_us
                 found += self._on_position(report, now_us)
             case vehicle.VelocityReport() | vehicle.LocalPositionReport():
                 self._on_velocity(report, now_us)
@@ -141,6 +142,11 @@ class PositionFilter:
 
     def on_time(self, now_us: int) -> list[Sample]:
         return self._until(now_us)
+
+    @property
+    def _silent_us(self) -> int:
+        """From when on nothing has come at all; until then what comes is late."""
+        return self._arrived_us + self._interval_us * 3 // 2 + 1
 
     def _last_predictable_us(self) -> int:
         """The last instant that may be predicted to."""
@@ -181,6 +187,8 @@ class PositionFilter:
     def _until(self, now_us: int) -> list[Sample]:
         """Put out the grid points whose wait is over at `now_us`, and go stale when the last of them has been."""
         if self.health.state == "stale":
+            if self.health.reason == faults.LATE and now_us >= self._silent_us:
+                self.health = self.health._replace(reason=faults.SILENT)
             return []
         due_us, end_us = now_us - self._wait_us, self._end_us
         if due_us < self._next_us and due_us < end_us:
@@ -188,7 +196,8 @@ class PositionFilter:
         found = self._grid(min(due_us, end_us), now_us)
         if self._next_us > end_us and due_us >= end_us:
             fresh = self._position_us > self._altitude_us
-            reason = faults.NO_ALTITUDE if fresh and self._reason == faults.SILENT else self._reason
+            missing = faults.NO_ALTITUDE if fresh else faults.LATE if now_us < self._silent_us else faults.SILENT
+            reason = missing if self._reason == faults.SILENT else self._reason
             self.health = Health("stale", reason, min(self._position_us, self._altitude_us))
         return found
 

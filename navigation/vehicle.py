@@ -5,7 +5,12 @@ federation time, mapped as each edge documents.
 """
 
 from collections.abc import Mapping
+from enum import StrEnum
 from typing import NamedTuple, TypeAlias
+
+from navigation.heard_aircraft import HeardAircraft
+
+LONGEST_LINE_M = 50.0
 
 
 def stopping_distance_m(speed_m_s: float) -> float:
@@ -110,6 +115,14 @@ class TargetReport(NamedTuple):
     altitude_m: float
 
 
+class TextReport(NamedTuple):
+    """A sentence of the autopilot's for its operator (STATUSTEXT); MAVLink severities, 0 emergency to 4 warning."""
+
+    valid_us: int
+    severity: int
+    text: str
+
+
 class MissionReport(NamedTuple):
     """Which item of its mission the vehicle flies, or would fly (MISSION_CURRENT)."""
 
@@ -124,6 +137,40 @@ class FenceReport(NamedTuple):
     lowest_m: float | None = None
     highest_m: float | None = None
     radius_m: float | None = None
+
+
+class LinkLossAction(StrEnum):
+    """What an autopilot does by itself when its link is lost."""
+
+    CARRY_ON = "carry-on"
+    """The order under way is carried out, or the mission flown, and it stands there."""
+    HOLD = "hold"
+    RETURN = "return"
+    LAND = "land"
+    TERMINATE = "terminate"
+
+
+class FailsafeReport(NamedTuple):
+    """What the autopilot does when no ground station is heard, as its parameters say; None where they do not.
+
+    Attributes:
+        action: in a guided mode.
+        delay_s: how long the link has been lost when it begins.
+        in_mission: what it does in a mission (AUTO).
+        in_offboard: what it does where targets are streamed, and no longer come (PX4: OFFBOARD).
+        return_height_m: metres above home to which it climbs before it returns; it does not descend to it.
+        final_height_m: metres above home at which a return ends; 0: it lands.
+        station: the system id whose heartbeats it waits for; None: of any ground station.
+    """
+
+    valid_us: int
+    action: LinkLossAction | None = None
+    delay_s: float | None = None
+    in_mission: LinkLossAction | None = None
+    in_offboard: LinkLossAction | None = None
+    return_height_m: float | None = None
+    final_height_m: float | None = None
+    station: int | None = None
 
 
 NO_ANSWER = "no answer"
@@ -193,6 +240,14 @@ class ImageReport(NamedTuple):
     detections: tuple[ImageDetection, ...]
 
 
+class TrafficReport(NamedTuple):
+    """The aircraft that the vehicle's own receivers have heard since the report before, and why others were left out."""
+
+    valid_us: int
+    aircraft: tuple[HeardAircraft, ...]
+    left_out: tuple[tuple[str, int], ...] = ()
+
+
 class LinkReport(NamedTuple):
     """Whether the vehicle is heard well enough, and in words what is heard, or what is wrong; reported on change."""
 
@@ -202,7 +257,7 @@ class LinkReport(NamedTuple):
 
 
 class StationReport(NamedTuple):
-    """What a ground station to which the vehicle is forwarded does, in words; `commands`: it has commanded the vehicle."""
+    """What a ground station to which the vehicle is forwarded does, in words; `commands`: it has changed the mode, or flies by remote control."""
 
     valid_us: int
     commands: bool
@@ -228,12 +283,15 @@ Report: TypeAlias = (
     | HomeReport
     | StatusReport
     | TargetReport
+    | TextReport
     | MissionReport
     | FenceReport
+    | FailsafeReport
     | FixReport
     | MountReport
     | WinchReport
     | ImageReport
+    | TrafficReport
     | LinkReport
     | StationReport
     | CommandResult
@@ -262,7 +320,9 @@ class GoToOrder(NamedTuple):
 
 
 class HoldOrder(NamedTuple):
-    """Stop and stay."""
+    """Stop and stay; `any_mode`: the vehicle is to leave its mode for that, if that takes no positions."""
+
+    any_mode: bool = False
 
 
 class LandOrder(NamedTuple):
@@ -313,9 +373,6 @@ class GripOrder(NamedTuple):
     """
 
     holds: bool
-
-
-LONGEST_LINE_M = 50.0
 
 
 class LineOrder(NamedTuple):

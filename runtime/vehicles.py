@@ -159,7 +159,15 @@ def _mavlink(table: Any, ports: VehiclePorts) -> Vehicle:
         from proxies.outward.outlets import parse_destination
 
         to = parse_destination(table.forward, beyond=True, kinds=("udp",))
-        forwarder = Forwarder(to, lambda: feed.system, port, ports.post, ports.now_us, commands=table.forward_commands)
+        forwarder = Forwarder(
+            to,
+            lambda: feed.system,
+            port,
+            ports.post,
+            ports.now_us,
+            commands=table.forward_commands,
+            takes_positions=feed.takes_positions,
+        )
         port.forwards += (forwarder.on_frame,)
         parts.insert(0, forwarder)
     settings = {"control": bool(table.control), "missions": table.control == "auto", "limits": ports.limits}

@@ -21,6 +21,8 @@ _FOR_MISSIONS = vehicle.InterruptOrder | vehicle.ResumeMissionOrder | vehicle.Mi
 NO_CONTROL: Final = "this platform was not given control of its vehicle (join with --control)"
 _MODE = "the vehicle is in mode {}"
 ENDINGS: Final = vehicle.LandOrder | vehicle.ReturnHomeOrder
+ANY_MODE: Final = vehicle.HoldOrder | ENDINGS
+"""What a user may ask for in person in every mode: to stop, to land and to return need no positions."""
 GROUND: Final = vehicle.SetGuided | vehicle.Arm | vehicle.TakeOffOrder
 """Orders with which a mission takes off."""
 
@@ -161,9 +163,18 @@ def unready(status: vehicle.StatusReport | None, silent_us: int, *, control: boo
     return None if status.airborne else "the vehicle is not airborne"
 
 
-def unguided(order: vehicle.Order, status: vehicle.StatusReport | None, *, missions: bool) -> str | None:
-    """Why the vehicle's mode forbids `order`; `missions`: whether a mission may be interrupted to give way."""
-    if status is None or status.guided:
+def unguided(
+    order: vehicle.Order, status: vehicle.StatusReport | None, *, missions: bool, in_person: bool = False
+) -> str | None:
+    """Why the vehicle's mode forbids `order`.
+
+    Args:
+        order: the order that would be sent.
+        status: the vehicle's.
+        missions: whether a mission may be interrupted to give way.
+        in_person: whether a user asks for it.
+    """
+    if status is None or status.guided or (in_person and isinstance(order, ANY_MODE)):
         return None
     if status.mode not in vehicle.MISSION_MODES:
         return _MODE.format(status.mode) + ", which takes no positions; a guided mode is needed"

@@ -10,7 +10,8 @@ that the vehicle tells (POSITION_TARGET_GLOBAL_INT, where it tells one; for a mo
     SENT, ACKN.   2 s after it was sent they do not                                  UNSEEN
     FLOWN         its motion has not shown it for 2 s, and it is not there           UNSEEN
     UNSEEN        they show it after all                                             FLOWN
-    any but REF.  the vehicle has another target, or is in another mode than ours    OVERTAKEN, for good
+    any but REF.  the vehicle has another target than this one and the one before,
+                  or is in another mode than ours                                    OVERTAKEN, for good
 
 No clock and no messages here: how often an order is sent, and in which messages, is in `proxies.mavlink.orders`.
 Times are federation time.
@@ -37,6 +38,7 @@ from navigation.vehicle import (
     Order,
     StatusReport,
     TargetReport,
+    TextReport,
     stopping_distance_m,
 )
 
@@ -50,6 +52,10 @@ SLOPE = 5.0
 """A climb to a place farther than this multiple of its height is too flat to be seen within 2 s."""
 STEEP = 0.25
 """A climb to a place nearer than this multiple of its height shows in its height alone."""
+TEXT_WITHIN_US = 1_000_000
+"""What an autopilot says so soon after an order is of that order."""
+WORDS_US = 300_000
+"""How long after an order a user waits for the words to a refusal."""
 _M_PER_DEG = 111_194.9
 
 
@@ -73,6 +79,8 @@ class Errand:
 
     Attributes:
         start: where the vehicle was when the order was sent.
+        before: its target then; None: none was known, and the first that is heard counts as that.
+        from_mode: its mode then.
         tells_target: whether the vehicle has reported a target lately.
         reason: why it is refused, overtaken or not seen: the autopilot's word where it has one.
         in_target: the vehicle's own target, or its mode, is what was ordered.
@@ -82,6 +90,8 @@ class Errand:
     sent_us: int
     start: Fix | None
     tells_target: bool = False
+    before: TargetReport | None = None
+    from_mode: str = ""
     progress: OrderProgress = _P.SENT
     reason: str = ""
     acknowledged: bool = False
@@ -89,6 +99,8 @@ class Errand:
     _acknowledges: bool = True
     _is_settled: bool = False
     _shown_us: int | None = None
+    _has_left: bool = False
+    _text: str = ""
 
     @property
     def order(self) -> Order:
@@ -146,7 +158,7 @@ class Errand:
         elif result.reason == OVERTAKEN:
             self.end(_P.OVERTAKEN, OVERTAKEN)
         else:
-            self.end(_P.REFUSED, f"autopilot: {result.reason}")
+            self.end(_P.REFUSED, f"autopilot: {result.reason}{self._why}")
 
     def on_target(self, target: TargetReport, now_us: int) -> None:
         """Where the vehicle says it is flying to."""
@@ -155,7 +167,10 @@ class Errand:
         self.tells_target = True
         if self.is_ours(target):
             self.in_target = True
-        elif self.in_target or (self.acknowledged and now_us >= self.sent_us + SETTLES_US):
+            return
+        is_news = self.before is not None and not is_at(self.before, target)
+        self.before = self.before or target
+        if self.in_target or (is_news and self.acknowledged and now_us >= self.sent_us + SETTLES_US):
             self.end(_P.OVERTAKEN, "another ground station has given the vehicle another target")
 
     def on_status(self, status: StatusReport) -> None:
@@ -168,11 +183,37 @@ class Errand:
             elif self.in_target and status.armed:
                 self.end(_P.OVERTAKEN, f"the vehicle was taken over: mode {status.mode}")
             return
-        interrupts = isinstance(self.order, InterruptOrder) and status.mode in MISSION_MODES
         if not status.armed:
             self.end(_P.OVERTAKEN, "the vehicle was disarmed")
-        elif not status.guided and (self.acknowledged or not interrupts):
+        elif not status.guided and not self.explains(status):
             self.end(_P.OVERTAKEN, f"the vehicle was taken over: mode {status.mode}")
+        self._has_left |= status.guided
+
+    def explains(self, status: StatusReport) -> bool:
+        """Whether the vehicle is in the mode that this order has not brought it out of yet."""
+        if self.is_over or self._has_left or self.progress is _P.UNSEEN:
+            return False
+        if isinstance(self.order, InterruptOrder):
+            return status.mode in MISSION_MODES and not self.acknowledged
+        leaves = self._modes or (isinstance(self.order, HoldOrder) and self.order.any_mode)
+        return bool(leaves) and status.mode == self.from_mode
+
+    def on_text(self, text: TextReport, now_us: int) -> None:
+        """What the autopilot has to say, before or after it refuses; the first sentence after the order counts."""
+        if self._text or self.progress is _P.OVERTAKEN or now_us - self.sent_us > TEXT_WITHIN_US:
+            return
+        self._text = text.text
+        if self.progress is _P.REFUSED:
+            self.reason += self._why
+
+    @property
+    def _why(self) -> str:
+        return f": {self._text}" if self._text else ""
+
+    @property
+    def words_due_us(self) -> int | None:
+        """Until when a refusal waits for the autopilot's words; None: it has them, or nothing is refused."""
+        return self.sent_us + WORDS_US if self.progress is _P.REFUSED and not self._text else None
 
     def on_fix(self, fix: Fix, now_us: int) -> None:
         """Where the vehicle is and how it moves."""
@@ -197,6 +238,8 @@ class Errand:
             self.reason = f"acknowledged, but not seen in the vehicle's target within {since_s:.0f} s"
         else:
             self.reason = f"not seen in the vehicle's motion for {since_s:.0f} s"
+        if self._text:
+            self.reason += f"; the autopilot says: {self._text}"
 
     # -- what shows it -----------------------------------------------------------------------------------------
 
@@ -211,7 +254,13 @@ class Errand:
         latitude_deg, longitude_deg, altitude_m = place
         away_m = distance_m(latitude_deg, longitude_deg, target.latitude_deg, target.longitude_deg)
         reach_m = LEVEL_M + (stopping_distance_m(self.start.speed_m_s) if self._stops and self.start else 0.0)
-        return away_m <= reach_m and abs(altitude_m - target.altitude_m) <= UPRIGHT_M
+        return away_m <= reach_m and abs(altitude_m - target.altitude_m) <= self._upright_m
+
+    @property
+    def _upright_m(self) -> float:
+        """How far off in height it may be: one that is stopped while it climbs or sinks does so for a second more."""
+        climbs = self.start is not None and isinstance(self.order, HoldOrder)
+        return UPRIGHT_M + (abs(self.start.down_m_s) if climbs and self.start is not None else 0.0)
 
     @property
     def _modes(self) -> frozenset[str]:
@@ -238,7 +287,7 @@ class Errand:
             return False
         latitude_deg, longitude_deg, altitude_m = place
         up_m = altitude_m - fix.altitude_m
-        rises = abs(up_m) <= UPRIGHT_M or -fix.down_m_s * up_m > 0.3 * abs(up_m)
+        rises = abs(up_m) <= self._upright_m or -fix.down_m_s * up_m > 0.3 * abs(up_m)
         if self._stops:
             return rises and fix.speed_m_s <= max(1.0, 0.8 * start.speed_m_s)
         north_m = (latitude_deg - fix.latitude_deg) * _M_PER_DEG
@@ -254,3 +303,9 @@ class Errand:
     def end(self, progress: OrderProgress, reason: str) -> None:
         """Nothing more comes of it."""
         self.progress, self.reason = progress, reason
+
+
+def is_at(target: TargetReport, other: TargetReport) -> bool:
+    """Whether two targets are one place."""
+    away_m = distance_m(target.latitude_deg, target.longitude_deg, other.latitude_deg, other.longitude_deg)
+    return away_m <= LEVEL_M and abs(target.altitude_m - other.altitude_m) <= UPRIGHT_M

@@ -123,7 +123,7 @@ class FlightAgent(Part):
         self._offer(now_us)
 
     def _on_station(self, report: StationReport) -> None:
-        """Another station that commands is the pilot's own hands."""
+        """A station that changes the mode, or flies by remote control, is the pilot's own hands; any other command is not."""
         if not report.commands:
             self._note(report.text)
         elif self.pilot.control:
@@ -152,6 +152,8 @@ class FlightAgent(Part):
     @property
     def deadline_us(self) -> int | None:
         due_us = earlier(self.streams.deadline_us, self.pilot.deadline_us)
+        if self._awaited is not None:
+            due_us = earlier(due_us, self._awaited[1].words_due_us)
         return None if due_us is None else self._clock.wall_us(due_us)
 
     def on_time(self, now_us: int) -> None:
@@ -227,6 +229,9 @@ class FlightAgent(Part):
         if self._awaited is None:
             return False
         act, errand = self._awaited
+        words_us = errand.words_due_us
+        if words_us is not None and self.pilot.now_us < words_us:
+            return False
         if errand.has_failed:
             self._fail(act, errand.reason, now_us)
         elif errand.is_taken:

@@ -5,8 +5,8 @@ from dataclasses import dataclass, field
 from typing import Final, NamedTuple
 
 from agents.flight import arbiter
-from agents.flight.arbiter import HEARD_WITHIN_US
 from agents.flight.places import Bounds, Fix, FlightLimits, FlightPlan
+from agents.flight.targets import Targets
 from dyknow.model.errors import Refused
 from navigation import vehicle
 
@@ -32,7 +32,9 @@ class HeardVehicle:
         note: takes words for users.
         winch: what its winch reported last.
         handled: the answer to the last order to its winch or gripper; None: there is none yet.
-        heard_us: when it last reported its state; target_us: where it flies to.
+        failsafe: what its autopilot does when its link is lost; None: not reported.
+        heard_us: when it last reported its state.
+        targets: where it flies to, and by whose word.
     """
 
     control: bool = False
@@ -44,10 +46,10 @@ class HeardVehicle:
     status: vehicle.StatusReport | None = None
     fix: Fix | None = None
     bounds: Bounds = field(default_factory=Bounds)
+    failsafe: vehicle.FailsafeReport | None = None
     _now_us: int = 0
     heard_us: int = 0
-    target: vehicle.TargetReport | None = None
-    target_us: int = -HEARD_WITHIN_US
+    targets: Targets = field(default_factory=Targets)
     winch: vehicle.WinchReport | None = None
     handled: vehicle.CommandResult | None = None
     _number: int = 0
@@ -57,14 +59,14 @@ class HeardVehicle:
     def now_us(self) -> int:
         return self._now_us if self.clock is None else max(self._now_us, self.clock())
 
-    def refusal(self, order: vehicle.Order) -> str | None:
-        """The rule that forbids `order` now, in words, or None."""
+    def refusal(self, order: vehicle.Order, *, in_person: bool = False) -> str | None:
+        """The rule that forbids `order` now, in words, or None; `in_person`: a user asks for it, not a rule or a mission."""
         silent_us = self.now_us - self.heard_us
         if isinstance(order, arbiter.GROUND):
             return arbiter.grounded(order, self.status, silent_us, control=self.control)
         return (
             arbiter.unready(self.status, silent_us, control=self.control)
-            or arbiter.unguided(order, self.status, missions=self.missions)
+            or arbiter.unguided(order, self.status, missions=self.missions, in_person=in_person)
             or self.bounds.outside(order, self.limits, self.fix)
         )
 
@@ -73,9 +75,9 @@ class HeardVehicle:
         """Whether the vehicle flies a mission that may be interrupted."""
         return self.missions and self.status is not None and self.status.mode in vehicle.MISSION_MODES
 
-    def check(self, order: vehicle.Order) -> None:
-        """Raise Refused if a rule forbids `order`."""
-        reason = self.refusal(order)
+    def check(self, order: vehicle.Order, *, in_person: bool = False) -> None:
+        """Raise Refused if a rule forbids `order`; see `refusal`."""
+        reason = self.refusal(order, in_person=in_person)
         if reason is not None:
             raise Refused(reason, FORBIDDEN)
 
@@ -91,6 +93,16 @@ class HeardVehicle:
         self._handling = command.number
         return command
 
+    def _on_bounding(self, report: vehicle.PositionReport | vehicle.FenceReport | vehicle.FailsafeReport) -> None:
+        """What bounds the flight, and follows from it."""
+        match report:
+            case vehicle.PositionReport(altitude_m=float() as altitude_m, height_m=float() as height_m):
+                self.bounds.on_height(altitude_m, height_m)
+            case vehicle.FenceReport():
+                self.bounds.fence = report
+            case vehicle.FailsafeReport():
+                self.failsafe = report
+
     def _on_handled(self, report: vehicle.WinchReport | vehicle.CommandResult) -> None:
         if isinstance(report, vehicle.WinchReport):
             self.winch = report
@@ -98,10 +110,8 @@ class HeardVehicle:
             self.handled = report
 
     def others_target(self) -> vehicle.GoToOrder | None:
-        """Where a ground station, or the mission, has sent the vehicle, if it says so still."""
-        if self.target is None or self.now_us - self.target_us > HEARD_WITHIN_US:
-            return None
-        return vehicle.GoToOrder(self.target.latitude_deg, self.target.longitude_deg, self.target.altitude_m)
+        """Where a ground station, or the mission, has sent the vehicle, as it reported last, also before a gap of the link."""
+        return self.targets.way_back()
 
     def stop(self, altitude_m: float | None, place: tuple[float, float] | None = None) -> vehicle.Order:
         """The order to stop there, see `divert`; in a mission it is one that leaves it."""

@@ -169,7 +169,7 @@ def other_things(
 
 
 def wanted_colour(name: str, values: Mapping[str, Value]) -> str | None:
-    """By which detectors know it; None: nothing is said of that."""
+    """By which detectors know it; None: that is not stated."""
     colour = values.get(f"{COLOUR}[{name}]")
     return colour if isinstance(colour, str) else None
 

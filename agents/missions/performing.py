@@ -303,6 +303,8 @@ class Performing(Part):
         if how == "land" and joined is not None:
             joined.run, joined.answer = CommandRun((VehicleCommand("land"),)), None
             return
+        if self._pilot.standing == HoldOrder():
+            return
         try:
             self._send(self._pilot.order(HoldOrder(), Commander.MISSION))
         except Refused as refused:

@@ -14,7 +14,7 @@ from kpl import Specification, profile_formula
 from kpl.running.formula_states import states_of
 from kpl.syntax.specification import MonitorDeclaration, StreamTerm
 from reasoning import Derivation, Formula, clearance, instantiate, required_labels, split_growing
-from reasoning.monitoring.profiles import Profile
+from reasoning.monitoring.profiles import AIRCRAFT, Profile
 
 MAX_DELAY_US = 60_000_000
 """A monitor keeps every state that is not complete yet, for as long as its delay."""
@@ -72,12 +72,15 @@ class StateMaker:
 
     def __init__(self, plan: MonitorPlan, member: str, unit: str) -> None:
         self.formula = plan.formula if plan.variable is None else instantiate(plan.formula, plan.variable, member)
-        derivation = Derivation(required_labels(self.formula), plan.profile.vertical, plan.profile.fence, first=unit)
+        profile = plan.profile
+        derivation = Derivation(
+            required_labels(self.formula), profile.vertical, profile.fence, first=unit, volume=profile.volume
+        )
         self.inputs, self.input_names = derivation.inputs, derivation.input_names
         self.shared = tuple(each for each in self.inputs if each.unit == unit)
         self.own = self.inputs[len(self.shared) :]
         self.values, self.lacks = derivation.values, derivation.lacks
-        clear = clearance(self.formula)
+        clear = clearance(self.formula, profile.volume)
         self.is_clear = _never if clear is None else derivation.beyond(clear)
 
 
@@ -139,6 +142,10 @@ class PlanBook:
         except DyknowError as wrong:
             raise Refused(f"the formula of {name} does not read: {wrong}", "text") from None
         split = split_growing(formula)
+        if split is not None and split[1].base == AIRCRAFT:
+            raise Refused(
+                f"{name} is about aircraft that are no members: each platform watches them by itself", "no-task"
+            )
         return MonitorPlan(profile, formula, None) if split is None else MonitorPlan(profile, split[2], split[0])
 
     def _check(self, profile: Profile) -> None:

@@ -109,16 +109,28 @@ class CompositeObjects:
         self._evaluations: dict[tuple[str, str], Progressing] = {}
         self._bonds: dict[tuple[str, str], Progressing] = {}
         self._because: dict[tuple[str, str], tuple[Explanation, ...]] = {}
+        self._parts: dict[str, LinkObject] = {}
 
     def step(self, valid_us: int, parts: Mapping[str, LinkObject], composites: Mapping[str, LinkObject]) -> None:
         """Take the states of all parts that there are at a time; those without one at that time stay as they were."""
-        for table in (self._evaluations, self._bonds, self._because):
-            for pair in [pair for pair in table if not parts.keys() >= set(pair)]:
-                del table[pair]
+        self._drop_gone(valid_us, parts, composites)
         fresh = {symbol: one for symbol, one in parts.items() if one.state.valid_us == valid_us}
         failed = self._keep(valid_us, fresh)
         self._join(valid_us, fresh)
         self._regroup(valid_us, parts, composites, failed)
+
+    def _drop_gone(self, valid_us: int, parts: Mapping[str, LinkObject], composites: Mapping[str, LinkObject]) -> None:
+        """Nothing is known of parts that are gone; one that has come under the symbol of such a part is another."""
+        gone = {symbol for symbol, one in self._parts.items() if parts.get(symbol) is not one}
+        self._parts = dict(parts)
+        if not gone:
+            return
+        for table in (self._evaluations, self._bonds, self._because):
+            for pair in [pair for pair in table if not gone.isdisjoint(pair)]:
+                del table[pair]
+        for one in composites.values():
+            for symbol in sorted(one.incoming.keys() & gone & parts.keys(), key=natural):
+                self.unlink(valid_us, one.incoming[symbol], LinkReason("maintain", self._stays.formula))
 
     def _keep(self, valid_us: int, fresh: Mapping[str, LinkObject]) -> dict[str, LinkReason]:
         """Take the states of those that belong together; why parts no longer do."""
@@ -199,6 +211,8 @@ class CompositeObjects:
             one, other = (after if symbol == before else symbol for symbol in pair)
             return _ordered(one, other)
 
+        if before in self._parts:
+            self._parts[after] = self._parts.pop(before)
         self._evaluations = {renamed(pair): each for pair, each in self._evaluations.items()}
         self._bonds = {renamed(pair): each for pair, each in self._bonds.items()}
         self._because = {renamed(pair): each for pair, each in self._because.items()}

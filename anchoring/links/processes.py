@@ -75,8 +75,10 @@ class LinkProcess:
         self.unlinked.pop(symbol, None)
 
     def drop_target(self, symbol: str) -> None:
-        """An object of B is gone."""
+        """An object of B is gone, and nothing is a candidate for it: one that comes later under its symbol is another."""
         self.available.pop(symbol, None)
+        if self.candidates:
+            self._drop_taken()
 
     def unlink(self, valid_us: int, link: ObjectLink, reason: LinkReason) -> None:
         """Remove a link; its target is available from now on, from the next state on if it was made at this one."""
@@ -390,7 +392,7 @@ class LinkProcess:
             self._expect(valid_us, source, target)
         source.outgoing[self.name] = target.incoming[self.name] = link
         self.drop_source(source.symbol)
-        self.drop_target(target.symbol)
+        self.available.pop(target.symbol, None)
         self._around.on_linked(valid_us, kind, link, reason, weight)
         if self._maintain.is_trivial:
             return link

@@ -211,6 +211,9 @@ class TopDown:
         for process in self._into.get(one.type, ()):
             for candidates in process.candidates.values():
                 candidates.rename(before, symbol)
+        for process in self._out_of.get(one.type, ()):
+            for wanted in self._sought.get(process.name, ()):
+                wanted.rename(before, symbol)
         for composites in self._composites.values():
             if composites.specification.source == one.type:
                 composites.rename(before, symbol, self._objects[composites.specification.target].values())

@@ -87,8 +87,8 @@ class TopApp(App[None]):
         self.set_interval(LOOK_S, self.look)
 
     def look(self) -> None:
-        """Take the newest snapshot and draw it, unless the screen is held still."""
-        if not self._is_paused:
+        """Take the newest snapshot and draw it, unless the screen is held still, or is being closed: a tick may come."""
+        if not self._is_paused and self.query(DataTable):
             self._shown = self._snapshot()
             self._draw()
 

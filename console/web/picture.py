@@ -35,7 +35,7 @@ HISTORY: Final = 64
 """Changes that are kept of what a monitor shows."""
 _SLOW_M_S: Final = 0.5
 _TOLD: Final = ("", "info", "info", "warning", "bad", "bad")
-_OBJECTS: Final = frozenset({"believed-objects", "object-tracks", "global-objects", "vision-percepts"})
+_OBJECTS: Final = frozenset({"believed-objects", "object-tracks", "global-objects", "traffic", "vision-percepts"})
 _SALIENT: Final = frozenset({"saliency-map", "camera-attention"})
 MAP_LABELS: Final = (
     "heli-position", "heli-altitude", "heli-height", "heli-velocity", "heli-attitude", "battery", "heli-home", "camera-view",
@@ -226,14 +226,15 @@ class Picture:
         section = "salient" if label in _SALIENT else "objects"
         name = f"{unit} {label} {symbol}"
         where = rows.numbers(value, ("x_m", "y_m"))
-        if value.get("end") is True or where is None:
+        on_earth = rows.place(value)
+        if value.get("end") is True or (where is None and on_earth is None):
             self._remove(section, name)
             return
         known = {key: found for key in _OBJECT_NUMBERS if (found := number(value.get(key))) is not None}
         said = rows.fields(value, _OBJECT_TEXTS)
         row: dict[str, Any] = {**known, **said, "unit": unit, "label": label, "symbol": symbol, "valid_us": valid_us}
         before = self._sections[section].get(name, {})
-        at = self._on_earth(unit, *where)
+        at = on_earth if where is None else self._on_earth(unit, *where)
         if branch is not None:
             known_ones = before.get("others", []) if before.get("valid_us") == valid_us else []
             others = [*(each for each in known_ones if each[0] != branch[0]), [branch[0], at, branch[1]]]
@@ -397,6 +398,7 @@ _FIGURES: Final[Mapping[str, tuple[str, str]]] = {
 }  # fmt: skip
 _OBJECT_NUMBERS: Final = (
     "existence",
+    "altitude_m",
     "vx_m_s",
     "vy_m_s",
     "sd_m",
@@ -407,7 +409,7 @@ _OBJECT_NUMBERS: Final = (
     "colour",
     "observed_s",
 )
-_OBJECT_TEXTS: Final = ("type", "types", "colour", "status", "seen_by", "by", "because", "known")
+_OBJECT_TEXTS: Final = ("type", "types", "colour", "status", "seen_by", "by", "because", "known", "kind", "callsign")
 
 
 def _degrees(radians: float) -> float:

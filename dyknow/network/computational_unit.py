@@ -32,13 +32,13 @@ class ClockedUnit(Protocol):
 class ClockedFunction:
     """The function of a clocked unit, with the unit."""
 
-    __slots__ = ("_step", "unit")
+    __slots__ = ("step", "unit")
 
     def __init__(self, step: UnitFunction, unit: ClockedUnit) -> None:
-        self._step, self.unit = step, unit
+        self.step, self.unit = step, unit
 
     def __call__(self, now_us: int, inputs: Inputs, state: Value) -> tuple[Output, Value]:
-        return self._step(now_us, inputs, state)
+        return self.step(now_us, inputs, state)
 
 
 class ComputationalUnit:
@@ -48,12 +48,14 @@ class ComputationalUnit:
         ValueError: if `arity` is not positive.
     """
 
-    __slots__ = ("_function", "_inputs", "state")
+    __slots__ = ("_clocked", "_function", "_inputs", "state")
 
     def __init__(self, function: UnitFunction, arity: int) -> None:
         if arity < 1:
             raise ValueError(f"a computational unit has at least 1 input, got {arity}")
-        self._function = function
+        clocked = function if isinstance(function, ClockedFunction) else None
+        self._function = function if clocked is None else clocked.step
+        self._clocked = None if clocked is None else clocked.unit
         self._inputs: list[Sample | None] = [None] * arity
         self.state: Value = NO_VALUE
 
@@ -69,11 +71,11 @@ class ComputationalUnit:
     @property
     def due_us(self) -> int | None:
         """When it wants to be asked without a sample; None: not at all."""
-        return self._function.unit.due_us if isinstance(self._function, ClockedFunction) else None
+        return None if self._clocked is None else self._clocked.due_us
 
     def on_time(self, now_us: int) -> Sequence[Sample]:
         """Its outputs when time has passed."""
-        made = self._function.unit.on_time(now_us) if isinstance(self._function, ClockedFunction) else None
+        made = None if self._clocked is None else self._clocked.on_time(now_us)
         return () if made is None else (Sample(now_us, now_us, made),)
 
     def outputs_of(self, element: Mapping[int, Sample], now_us: int) -> Sequence[Sample]:

@@ -5,6 +5,7 @@ source and over how many units: units upstream come first. What a worker makes o
 that have all they need the one of the highest priority is called first (5.3).
 """
 
+from collections import deque
 from collections.abc import Callable, Iterator
 from contextlib import contextmanager
 from typing import Protocol, TypeAlias
@@ -44,10 +45,11 @@ class Instant:
             whatever a consumer or unit raises is raised by the push.
     """
 
-    __slots__ = ("_waiting", "contain", "is_open", "joins", "priorities")
+    __slots__ = ("_come", "_waiting", "contain", "is_open", "joins", "priorities")
 
     def __init__(self) -> None:
-        self._waiting: dict[Joining, int] = {}
+        self._waiting: dict[int, deque[Joining]] = {}  # by rank: there are few ranks, and perhaps hundreds of units
+        self._come = set[Joining]()
         self.joins = self.priorities = 0
         self.is_open = False
         self.contain: Contain | None = None
@@ -62,16 +64,15 @@ class Instant:
         """Call the unit when all has come; at once outside an instant."""
         if not self.is_open:
             unit.on_instant()
-        elif unit not in self._waiting:
-            self._waiting[unit] = unit.rank
+        elif unit not in self._come:
+            self._come.add(unit)
+            self._waiting.setdefault(unit.rank, deque()).append(unit)
 
     def close(self) -> None:
         """All has come from outside: call what waits, upstream first."""
-        waiting = self._waiting
         try:
-            while waiting:
-                unit = self._first()
-                del waiting[unit]
+            while self._waiting:
+                unit = self._taken()
                 try:
                     unit.on_instant()
                 except Exception as error:  # noqa: BLE001  (contained)
@@ -79,15 +80,20 @@ class Instant:
         finally:
             self.is_open = False
 
-    def _first(self) -> Joining:
-        """What nothing that waits can bring more for, the highest priority first."""
+    def _taken(self) -> Joining:
+        """What nothing that waits can bring more for, the highest priority first; it waits no more."""
         waiting = self._waiting
-        unit = min(waiting, key=waiting.__getitem__)
-        if not self.priorities:
-            return unit
-        least = waiting[unit]
-        able = [each for each, rank in waiting.items() if rank == least or each.arity == 1]
-        return min(able, key=lambda each: (-each.priority, waiting[each]))
+        least = min(waiting)
+        if self.priorities:
+            able = [(rank, each) for rank in waiting for each in waiting[rank] if rank == least or each.arity == 1]
+            rank, unit = min(able, key=lambda one: (-one[1].priority, one[0]))
+            waiting[rank].remove(unit)
+        else:
+            rank, unit = least, waiting[least].popleft()
+        if not waiting[rank]:
+            del waiting[rank]
+        self._come.discard(unit)
+        return unit
 
     @contextmanager
     def whole(self) -> Iterator[None]:

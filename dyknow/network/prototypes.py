@@ -288,14 +288,16 @@ def of_samples(unit: SampleUnit, *, needs_all: bool = True) -> UnitFunction:
     """A unit in the form of Def. 4.3.15; its memory is its own. Unless it needs all, it meets no_sample, as None."""
 
     def step(now_us: int, inputs: Inputs, state: Value) -> tuple[Output, Value]:
-        valid_us = latest_valid_us(inputs)
-        if valid_us is None or (needs_all and None in inputs):
+        if None in inputs and (needs_all or latest_valid_us(inputs) is None):
             return None, state
         made = unit(now_us, *inputs)  # type: ignore[arg-type]  # it says that it takes None
         if made is None or isinstance(made, Sample):
             return made, state
         if type(made) is list and all(isinstance(each, Sample) for each in made):
             return made, state
+        valid_us = latest_valid_us(inputs)
+        if valid_us is None:  # it has no inputs at all
+            return None, state
         return Sample(now_us, valid_us, made, quality_of(inputs)), state
 
     return ClockedFunction(step, unit) if isinstance(unit, ClockedUnit) else step

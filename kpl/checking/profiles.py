@@ -1,6 +1,7 @@
 """Formulas of named profiles, and what names mean to formulas over units."""
 
 from collections.abc import Mapping
+from dataclasses import replace
 
 from dyknow.model.errors import SourceText
 from dyknow.model.instants import parse_duration
@@ -8,7 +9,7 @@ from kpl.checking.formulas import FeatureType, Vocabulary, read_formula
 from kpl.checking.symbols import Constant
 from reasoning.features.derivation import FEATURES
 from reasoning.formulas.tree import Duration, Formula
-from reasoning.monitoring.profiles import Profile, Threshold
+from reasoning.monitoring.profiles import AIRCRAFT, Profile, Threshold
 
 
 def unit_vocabulary(unit: str, constants: Mapping[str, Constant] | None = None) -> Vocabulary:
@@ -18,13 +19,14 @@ def unit_vocabulary(unit: str, constants: Mapping[str, Constant] | None = None) 
 
 
 def profile_formula(profile: Profile, unit: str) -> Formula:
-    """The formula of a profile for the platform `unit`, its thresholds put in.
+    """The formula of a profile for the platform `unit`, its thresholds put in; it may be about `traffic`, too: aircraft that are no members.
 
     Raises:
         TextError: if the text of the profile is wrong.
     """
     constants = {name: _constant(value) for name, value in profile.thresholds.items()}
-    return read_formula(SourceText(profile.formula, profile.name), unit_vocabulary(unit, constants))
+    vocabulary = replace(unit_vocabulary(unit, constants), domains=("units", AIRCRAFT))
+    return read_formula(SourceText(profile.formula, profile.name), vocabulary)
 
 
 def _constant(value: Threshold) -> Constant:

@@ -9,6 +9,8 @@ import time
 from collections.abc import Callable
 from typing import Any
 
+from pymavlink.dialects.v20 import ardupilotmega as mavlink
+
 from navigation.vehicle import (
     Command,
     CommandResult,
@@ -17,13 +19,16 @@ from navigation.vehicle import (
     LinkReport,
     PositionReport,
     Report,
+    StationReport,
 )
 from proxies.mavlink.condition import VehicleCondition
 from proxies.mavlink.device_clock import DeviceClock
-from proxies.mavlink.orders import Errands, OrderOutcome, Target
-from proxies.mavlink.port import MavlinkPort
-from proxies.mavlink.reports import VehicleReports, device_us, is_autopilot, tells_time
+from proxies.mavlink.orders import Errands, OrderOutcome
+from proxies.mavlink.port import TOO_MUCH_TRAFFIC, MavlinkPort
+from proxies.mavlink.reports import VehicleReports, device_us, flight_mode, is_autopilot, tells_time
 from proxies.mavlink.requests import Requests
+from proxies.mavlink.traffic import TRAFFIC_NAMES, TrafficHearing
+from proxies.mavlink.ways import Target
 
 _ASK_AGAIN_US = 2_000_000
 _AUTOPILOT = 1
@@ -63,8 +68,10 @@ class MavlinkFeed:
         self._errands, self._lock = Errands(), threading.Lock()
         self._condition = VehicleCondition(self.port.hearing, sysid, compid)
         self._asking = Requests()
+        self._traffic, self._refused = TrafficHearing(), 0
         self._ask_us = 0
         self._reboots = 0
+        self._clock_words = ""
         self._positioned = self._homed = False
 
     def start(self) -> None:
@@ -83,6 +90,14 @@ class MavlinkFeed:
             outcome = self._errands.on_command(command, self.known, target, _wall_us())
         self._perform(outcome)
 
+    def takes_positions(self, mode: int, kind: int) -> bool:
+        """Whether the vehicle takes positions in a mode by its number; PX4 numbers a mode, and its kind within that."""
+        known = self.known
+        if known.autopilot is None or known.vehicle_type is None:
+            return False
+        is_px4 = known.autopilot == mavlink.MAV_AUTOPILOT_PX4 and mode < 1 << 16
+        return flight_mode(known.autopilot, known.vehicle_type, mode << 16 | kind << 24 if is_px4 else mode)[1]
+
     def on_adopted(self, system: int, component: int) -> None:
         self.system, self.component = system, component
 
@@ -92,10 +107,15 @@ class MavlinkFeed:
     def on_message(self, message: Any) -> None:
         arrival_us = self._now_us()
         kind = message.get_type()
+        if kind in TRAFFIC_NAMES:
+            self._traffic.on_message(message, arrival_us)
+            return
         if kind == "HEARTBEAT" and is_autopilot(message):
             self._on_heartbeat()
         elif kind == "SYSTEM_TIME":
             self.clock.on_system_time(message.time_unix_usec, message.time_boot_ms * 1000)
+        elif kind == "GPS_RAW_INT":
+            self._traffic.on_fix(message)
         elif kind == "COMMAND_ACK":
             if self._asking.on_ack(message):
                 self._ask_us = _wall_us()
@@ -130,8 +150,22 @@ class MavlinkFeed:
         if self._requests and self._condition.is_heard and monotonic_us >= self._ask_us:
             self._ask(monotonic_us)
         news = self._condition.on_time(self.system, self.port, self.known, self._asking, monotonic_us)
+        self._report_traffic(monotonic_us)
         if news is not None:
             self._post(LinkReport(self._now_us(), *news))
+        if self.clock.words != self._clock_words:
+            self._clock_words = self.clock.words
+            words = self._clock_words or "its clock runs at 1.000 again"
+            self._post(StationReport(self._now_us(), commands=False, text=f"system {self.system}: {words}"))
+
+    def _report_traffic(self, monotonic_us: int) -> None:
+        refused = self.port.counts[TOO_MUCH_TRAFFIC]
+        if refused > self._refused:
+            self._traffic.left_out["too many"] += refused - self._refused
+            self._refused = refused
+        report = self._traffic.report(self._now_us(), monotonic_us, self.known.position)
+        if report is not None:
+            self._post(report)
 
     def _on_heartbeat(self) -> None:
         if self._condition.on_heartbeat(_wall_us()):

@@ -13,11 +13,15 @@ from typing import Any, Protocol
 
 from pymavlink.dialects.v20 import ardupilotmega as mavlink
 
+from federation.shares import TokenBucket
 from proxies.mavlink.endpoints import parse_endpoint
 from proxies.mavlink.frames import WANTED, Cutter, Frame, decoded
 from proxies.mavlink.hearing import Hearing
 from proxies.mavlink.links import TICK_S, Peer, open_link
+from proxies.mavlink.traffic import MOST_A_SECOND, TRAFFIC_IDS
 
+TOO_MUCH_TRAFFIC = "too much traffic"
+"""The count of messages of other aircraft that were not decoded."""
 _HEARTBEAT_S = 1.0
 _SILENT_S = 3.0
 _MOST_PEERS = 64
@@ -72,6 +76,7 @@ class MavlinkPort:
         self._peers: dict[int, tuple[Peer, float]] = {}
         self._versions: dict[int, int] = {}
         self._cutters: dict[Peer, Cutter] = {}
+        self._traffic = TokenBucket(MOST_A_SECOND, MOST_A_SECOND, MOST_A_SECOND)
         self.forwards: tuple[Callable[[Frame], None], ...] = ()
         self._lock = threading.Lock()
         self._thread: threading.Thread | None = None
@@ -196,7 +201,11 @@ class MavlinkPort:
             return
         listener = self._listeners.get(frame.system)
         is_beat = frame.message_id == mavlink.MAVLINK_MSG_ID_HEARTBEAT
-        if not is_beat and not self._is_for(listener, frame):
+        is_traffic = frame.message_id in TRAFFIC_IDS
+        if not is_beat and not (is_traffic and listener is not None) and not self._is_for(listener, frame):
+            return
+        if is_traffic and not self._traffic.take(round(now_s * 1e6)):
+            self.counts[TOO_MUCH_TRAFFIC] += 1
             return
         message = decoded(self._codec, frame)
         if message is None:

@@ -4,7 +4,6 @@ No socket and no clock: the time at which a message held is an argument.
 """
 
 import math
-import struct
 from collections.abc import Callable
 from typing import Any
 
@@ -12,6 +11,7 @@ from pymavlink.dialects.v20 import ardupilotmega as mavlink
 
 from navigation import vehicle
 from navigation.inertial import GRAVITY_M_S2
+from proxies.mavlink.parameters import FENCE_PARAMETERS, VehicleParameters
 
 _UNKNOWN_16 = 65_535
 _ASSUMED_ERROR_M = 2.0
@@ -49,17 +49,11 @@ _IN_AIR = {
 }
 _FLYING = {mavlink.MAV_STATE_ACTIVE, mavlink.MAV_STATE_CRITICAL, mavlink.MAV_STATE_EMERGENCY}
 """An ArduPilot that flies in a failsafe says CRITICAL."""
-FENCE_PARAMETERS = {
-    mavlink.MAV_AUTOPILOT_ARDUPILOTMEGA: (
-        "FENCE_ENABLE", "FENCE_AUTOENABLE", "FENCE_TYPE", "FENCE_ALT_MAX", "FENCE_ALT_MIN", "FENCE_RADIUS",
-    ),
-    mavlink.MAV_AUTOPILOT_PX4: ("GF_ACTION", "GF_MAX_VER_DIST", "GF_MAX_HOR_DIST"),
-}  # fmt: skip
-"""The parameters that hold an autopilot's own fence."""
-_FENCE_HIGHEST, _FENCE_RADIUS, _FENCE_LOWEST = 1, 2, 8
 _ABSOLUTE_FRAMES = {mavlink.MAV_FRAME_GLOBAL, mavlink.MAV_FRAME_GLOBAL_INT}
 _RELATIVE_FRAMES = {mavlink.MAV_FRAME_GLOBAL_RELATIVE_ALT, mavlink.MAV_FRAME_GLOBAL_RELATIVE_ALT_INT}
 _NO_POSITION_MASK = 0b111
+LEAST_SEVERITY = mavlink.MAV_SEVERITY_WARNING
+"""Severities count down: greater ones are notices and information."""
 
 
 def device_us(message: Any) -> int | None:
@@ -99,7 +93,7 @@ class VehicleReports:
         self.velocity: vehicle.VelocityReport | None = None
         self.winch: vehicle.WinchReport | None = None
         self.mode, self.guided, self.heartbeats = "", False, 0
-        self._parameters: dict[str, float] = {}
+        self._parameters = VehicleParameters()
         self._airborne: bool | None = None
         self._satellite_altitude_m: float | None = None
         self._has_fix: bool | None = None
@@ -109,7 +103,7 @@ class VehicleReports:
     def on_reboot(self) -> None:
         """Forget what the vehicle itself forgot."""
         self.home = self.winch = self._airborne = self._satellite_altitude_m = self._has_fix = None
-        self._parameters.clear()
+        self._parameters.forget()
 
     def reports(self, message: Any, valid_us: int) -> tuple[vehicle.Report, ...]:
         """What `message` reports; empty for types that do not describe the vehicle and for fields that say unknown."""
@@ -233,6 +227,14 @@ class VehicleReports:
             return ()
         return (vehicle.TargetReport(valid_us, message.lat_int / 1e7, message.lon_int / 1e7, altitude_m),)
 
+    def on_text(self, message: Any, valid_us: int) -> tuple[vehicle.Report, ...]:
+        """STATUSTEXT: what is no mere information."""
+        text = message.text if isinstance(message.text, str) else bytes(message.text).decode("utf-8", "replace")
+        text = "".join(each for each in text.partition("\0")[0] if each.isprintable()).strip()
+        if message.severity > LEAST_SEVERITY or not text:
+            return ()
+        return (vehicle.TextReport(valid_us, message.severity, text),)
+
     def on_mission_current(self, message: Any, valid_us: int) -> tuple[vehicle.Report, ...]:
         return (vehicle.MissionReport(valid_us, message.seq),)
 
@@ -274,15 +276,13 @@ class VehicleReports:
         return (self.winch,)
 
     def on_parameter(self, message: Any, valid_us: int) -> tuple[vehicle.Report, ...]:
-        """PARAM_VALUE: only those of the fence are kept. PX4 sends integers as their bits, ArduPilot as a number."""
-        names = FENCE_PARAMETERS.get(self.autopilot or 0, ())
-        if message.param_id not in names:
+        """PARAM_VALUE: of the fence, and of what the vehicle does without its link."""
+        name = self._parameters.on_value(self.autopilot, message)
+        if name is None:
             return ()
-        value = float(message.param_value)
-        if self.autopilot == mavlink.MAV_AUTOPILOT_PX4 and message.param_type != mavlink.MAV_PARAM_TYPE_REAL32:
-            value = float(struct.unpack("<i", struct.pack("<f", value))[0])
-        self._parameters[message.param_id] = value
-        return (self._fence(valid_us),)
+        if name in FENCE_PARAMETERS[self.autopilot or 0]:
+            return (self._parameters.fence(self.autopilot, valid_us),)
+        return (self._parameters.failsafe(self.autopilot, valid_us),)
 
     @property
     def home_altitude_m(self) -> float | None:
@@ -294,28 +294,8 @@ class VehicleReports:
 
     @property
     def untold_parameters(self) -> tuple[str, ...]:
-        """Those of the fence that the vehicle has not reported."""
-        names = FENCE_PARAMETERS.get(self.autopilot or 0, ())
-        return tuple(name for name in names if name not in self._parameters)
-
-    def _fence(self, valid_us: int) -> vehicle.FenceReport:
-        told = self._parameters
-        if self.autopilot == mavlink.MAV_AUTOPILOT_PX4:
-            names = ("GF_MAX_VER_DIST", "GF_MAX_HOR_DIST") if told.get("GF_ACTION", 0.0) else ()
-            bounds = [told.get(name, 0.0) or None for name in names] or [None, None]
-            return vehicle.FenceReport(valid_us, None, *bounds)
-        on = told.get("FENCE_ENABLE", 0.0) or told.get("FENCE_AUTOENABLE", 0.0)
-        kinds = int(told.get("FENCE_TYPE", 0.0)) if on else 0
-
-        def bound(bit: int, name: str) -> float | None:
-            return told.get(name) if kinds & bit else None
-
-        return vehicle.FenceReport(
-            valid_us,
-            bound(_FENCE_LOWEST, "FENCE_ALT_MIN"),
-            bound(_FENCE_HIGHEST, "FENCE_ALT_MAX"),
-            bound(_FENCE_RADIUS, "FENCE_RADIUS"),
-        )
+        """Those of the fence and of the failsafe that the vehicle has not reported."""
+        return self._parameters.untold(self.autopilot)
 
 
 DESCRIBING: dict[str, Callable[[VehicleReports, Any, int], tuple[vehicle.Report, ...]]] = {
@@ -332,6 +312,7 @@ DESCRIBING: dict[str, Callable[[VehicleReports, Any, int], tuple[vehicle.Report,
     "BATTERY_STATUS": VehicleReports.on_battery,
     "HOME_POSITION": VehicleReports.on_home,
     "POSITION_TARGET_GLOBAL_INT": VehicleReports.on_target,
+    "STATUSTEXT": VehicleReports.on_text,
     "MISSION_CURRENT": VehicleReports.on_mission_current,
     "GIMBAL_DEVICE_ATTITUDE_STATUS": VehicleReports.on_gimbal,
     "MOUNT_ORIENTATION": VehicleReports.on_mount,

@@ -9,7 +9,7 @@ from typing import Any
 
 from pymavlink.dialects.v20 import ardupilotmega as mavlink
 
-from proxies.mavlink.orders import Target, long_command
+from proxies.mavlink.ways import Target, long_command
 
 _WANTED_HZ = {
     mavlink.MAVLINK_MSG_ID_GLOBAL_POSITION_INT: 10.0,
@@ -24,6 +24,7 @@ _WANTED_HZ = {
     mavlink.MAVLINK_MSG_ID_MISSION_CURRENT: 1.0,
     mavlink.MAVLINK_MSG_ID_GIMBAL_DEVICE_ATTITUDE_STATUS: 10.0,
     mavlink.MAVLINK_MSG_ID_WINCH_STATUS: 5.0,
+    mavlink.MAVLINK_MSG_ID_ADSB_VEHICLE: 10.0,
 }
 _STREAMS_HZ = {
     mavlink.MAV_DATA_STREAM_POSITION: 10,

@@ -13,8 +13,8 @@ UNKNOWN_M: Final = 9_999_999.0
 """An error that is not known (Cursor on Target, event schema 2.0)."""
 GEOID_M: Final = 107.0
 """How far mean sea level lies from the ellipsoid at most."""
-UAV, UNKNOWN_GROUND, ALARM = "a-f-A-M-H-Q", "a-u-G", "b-a-o"
-"""Types: a friendly rotary-wing drone; a thing on the ground of unknown allegiance; an alarm of another kind."""
+UAV, UNKNOWN_AIR, UNKNOWN_GROUND, ALARM = "a-f-A-M-H-Q", "a-u-A", "a-u-G", "b-a-o"
+"""Types: a friendly rotary-wing drone; an aircraft of unknown allegiance; a thing on the ground of unknown allegiance; an alarm of another kind."""
 LONGEST_NAME: Final = 64
 _LONGEST_REMARK: Final = 256
 _EPOCH = datetime(1970, 1, 1, tzinfo=UTC)

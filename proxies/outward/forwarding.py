@@ -1,10 +1,12 @@
 """A joined vehicle's MAVLink for a ground station: its frames unchanged, and by option the station's commands back.
 
-What the station commands is never passed on unnoticed: the platform is notified first, so that it counts as the pilot's own hands.
+What the station commands is never passed on unnoticed: the platform is notified first. A change to a mode that takes no
+positions, and remote control, are the pilot's own hands; a place to fly to is a target, as from a station at a router.
 Only the station's address may answer, in frames that do not claim to be the vehicle's, a limited number a second.
 """
 
 import socket
+import struct
 import threading
 import time
 from collections import Counter
@@ -35,6 +37,21 @@ _ASKING: Final = frozenset({410, 510, 511, 512, 519, 520, 521, 522, 525, 526, 52
 """MAV_CMD numbers that ask for messages."""
 _COMMANDS: Final = frozenset({mavlink.MAVLINK_MSG_ID_COMMAND_LONG, mavlink.MAVLINK_MSG_ID_COMMAND_INT})
 _COMMAND_AT = 28
+_MODE_COMMANDS: Final = frozenset(
+    getattr(mavlink, f"MAV_CMD_{name}")
+    for name in (
+        "NAV_LOITER_UNLIM", "NAV_RETURN_TO_LAUNCH", "NAV_LAND", "DO_SET_MODE", "DO_SET_STANDARD_MODE", "MISSION_START",
+        "DO_FLIGHTTERMINATION", "DO_PAUSE_CONTINUE",
+    )
+)  # fmt: skip
+_MODES: Final = 1 << 24
+_STICKS: Final = frozenset(
+    {
+        mavlink.MAVLINK_MSG_ID_RC_CHANNELS_OVERRIDE,
+        mavlink.MAVLINK_MSG_ID_MANUAL_CONTROL,
+        mavlink.MAVLINK_MSG_ID_MANUAL_SETPOINT,
+    }
+)
 
 
 class Passes(Protocol):
@@ -53,6 +70,7 @@ class Forwarder:
         post: takes reports.
         now_us: federation time.
         commands: whether what the station sends is passed to the vehicle.
+        takes_positions: whether the vehicle takes positions in a mode, by its number and the number of its kind.
 
     Attributes:
         counts: `forwarded`, `passed back`, and what was not, by reason.
@@ -67,10 +85,12 @@ class Forwarder:
         now_us: Callable[[], int],
         *,
         commands: bool = False,
+        takes_positions: Callable[[int, int], bool] = lambda _mode, _kind: False,
     ) -> None:
         self.to, self.counts = to, Counter[str]()
         self._system, self._vehicle, self._post, self._now_us = system, vehicle, post, now_us
-        self._commands, self._cutter = commands, Cutter()
+        self._commands, self._cutter, self._takes_positions = commands, Cutter(), takes_positions
+        self._noted = ""
         self._left, self._left_s = float(MOST_BACK_PER_S), time.monotonic()
         self._trouble, self._told_s = "", 0.0
         self._stopping = threading.Event()
@@ -132,11 +152,43 @@ class Forwarder:
             self.counts["too many"] += 1
         else:
             self._left -= 1
-            if (named := command_in(frame)) and now_s - self._told_s >= _AGAIN_S:
-                self._told_s = now_s
-                text = f"ground station {frame.system}/{frame.component} has commanded the vehicle ({named})"
-                self._post(StationReport(self._now_us(), commands=True, text=text))
+            if named := command_in(frame):
+                self._on_command(frame, named, now_s)
             self.counts["passed back" if self._vehicle.pass_on(system, frame.data) else "not passed back"] += 1
+
+    def _on_command(self, frame: Frame, named: str, now_s: float) -> None:
+        """Report hands again and again, any other command when it is another one than the last."""
+        text = f"ground station {frame.system}/{frame.component} has commanded the vehicle ({named})"
+        if self._is_hands(frame):
+            if now_s - self._told_s >= _AGAIN_S:
+                self._told_s, self._noted = now_s, ""
+                self._post(StationReport(self._now_us(), commands=True, text=text))
+        elif text != self._noted:
+            self._noted = text
+            self._post(StationReport(self._now_us(), commands=False, text=text))
+
+    def _is_hands(self, frame: Frame) -> bool:
+        payload = _payload(frame)
+        if frame.message_id == mavlink.MAVLINK_MSG_ID_SET_MODE:
+            return not self._takes_positions(int.from_bytes(payload[:4], "little"), 0)
+        if frame.message_id in _COMMANDS:
+            number = _number(payload)
+            if number != mavlink.MAV_CMD_DO_SET_MODE:
+                return number in _MODE_COMMANDS
+            modes = struct.unpack_from("<ff", payload, 4)
+            if not all(0.0 <= each < _MODES for each in modes):
+                return True
+            return not self._takes_positions(int(modes[0]), int(modes[1]))
+        return frame.message_id in _STICKS
+
+
+def _payload(frame: Frame) -> bytes:
+    """Version 2 leaves out zeros at the end."""
+    return frame.data[6 if frame.version == 1 else 10 :][: frame.data[1]].ljust(_COMMAND_AT + 2, b"\0")
+
+
+def _number(payload: bytes) -> int:
+    return int.from_bytes(payload[_COMMAND_AT : _COMMAND_AT + 2], "little")
 
 
 def command_in(frame: Frame) -> str:
@@ -144,8 +196,7 @@ def command_in(frame: Frame) -> str:
     if frame.message_id in _HARMLESS:
         return ""
     if frame.message_id in _COMMANDS:
-        payload = frame.data[6 if frame.version == 1 else 10 :][: frame.data[1]].ljust(_COMMAND_AT + 2, b"\0")
-        number = int.from_bytes(payload[_COMMAND_AT : _COMMAND_AT + 2], "little")
+        number = _number(_payload(frame))
         if number in _ASKING:
             return ""
         entry = mavlink.enums["MAV_CMD"].get(number)

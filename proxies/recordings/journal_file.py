@@ -12,6 +12,7 @@ anyone: each field of an event is of the type that its kind declares, or the fil
 """
 
 from collections.abc import Iterator, Mapping
+from enum import Enum
 from pathlib import Path
 from typing import Any, Final, NamedTuple, TypeAlias, get_args
 
@@ -33,12 +34,13 @@ from agents.effects import (
     Specify,
     Waited,
 )
-from dyknow import NO_VALUE, Quality, Sample
+from dyknow import NO_VALUE, Predicted, Quality, Sample
 from dyknow.model.errors import DecodeError
 from dyknow.model.instants import MAX_DURATION_US
 from dyknow.network.process import Outcome
 from federation.transport import WireEvent
-from navigation.vehicle import ImageDetection, Report
+from navigation.heard_aircraft import HeardAircraft
+from navigation.vehicle import ImageDetection, LinkLossAction, Report
 from proxies.recordings.event_fields import made, shown
 from proxies.recordings.mcap_records import McapItem, McapRecords, Unread
 from proxies.recordings.packed_lengths import check_lengths
@@ -52,7 +54,7 @@ MOST_DEPTH: Final = 24
 """Named tuples and tuples inside one another."""
 _SHORT: Final = 1024
 """Bytes of an event that needs no look at its lengths before it is unpacked."""
-_NAMED, _TUPLE, _NO_VALUE = 1, 2, 3
+_NAMED, _TUPLE, _NO_VALUE, _WORD = 1, 2, 3, 4
 _NAMES: dict[type[Any], str] = {LeaveRequested: "Leave"}
 """Events that a journal names otherwise than the code does: journals outlive names of classes."""
 _KINDS: dict[str, type[Any]] = {
@@ -61,6 +63,7 @@ _KINDS: dict[str, type[Any]] = {
         *get_args(WireEvent),
         *get_args(Report),
         ImageDetection,
+        HeardAircraft,
         *get_args(HostEvent),
         Reported,
         LeaveRequested,
@@ -76,9 +79,12 @@ _KINDS: dict[str, type[Any]] = {
         Outcome,
         Sample,
         Quality,
+        Predicted,
     )
 }
 _EVENTS = frozenset(get_args(Event))
+_WORDS: dict[str, type[Enum]] = {"LinkLossAction": LinkLossAction}
+"""Enumerations that fields of events have."""
 
 
 class Stepped(NamedTuple):
@@ -112,6 +118,8 @@ def _extended(value: Any) -> msgpack.ExtType:
         return msgpack.ExtType(_TUPLE, encode_event(list(value)))
     if value is NO_VALUE:
         return msgpack.ExtType(_NO_VALUE, b"")
+    if type(value).__name__ in _WORDS:
+        return msgpack.ExtType(_WORD, encode_event([type(value).__name__, value.value]))
     raise TypeError(f"{type(value).__name__} is no part of an event")
 
 
@@ -142,6 +150,9 @@ def _restored(code: int, data: bytes, depth: int) -> Any:
     values = _decoded(data, depth)
     if type(values) is not list:
         raise ValueError("no list of fields")
+    if code == _WORD:
+        name, word = values
+        return _WORDS[name](word)
     if code != _NAMED:
         return tuple(values)
     kind = _KINDS.get(values[0]) if values and isinstance(values[0], str) else None

@@ -3,12 +3,14 @@
 Most pairs are far apart most of the time. Then one distance tells what phi is, and nothing else need be computed. Beyond
 every distance that phi speaks of, two courses either come closest later than every time that phi speaks of, or are still
 far apart then, since a distance shrinks by the relative speed times that time at most. A phi that holds in both cases,
-all other features unknown, holds.
+all other features unknown, holds. Two beyond the distance of well clear are not on the way into it within T seconds of
+modified tau unless they are nearer than that distance plus the relative speed times T.
 """
 
 import math
 from typing import Final, NamedTuple
 
+from reasoning.features.well_clear import AMONG_SMALL, LOOKAHEAD_S, Thresholds
 from reasoning.formulas.evaluation import TRUE, EvaluationCompiler, Moment
 from reasoning.formulas.tree import Always, And, Compare, Const, Duration, Feature, Formula, Implies, Not, Or, walk
 
@@ -16,6 +18,8 @@ FAR_M: Final = 1e9
 """Features of two aircraft farther apart than this may not be numbers."""
 _SLACK_M: Final = 1.0
 _DISTANCES: Final = {"xy_dist", "dist_3d"}
+_KEEPING_CLEAR: Final = {"well_clear": 1.0, "time_to_violation": LOOKAHEAD_S * 1e6}
+"""The values of two that are far apart."""
 _CASES: Final = (_DISTANCES | {"cpa_time"}, _DISTANCES | {"cpa_xy"})
 _UNDERSTOOD: Final = (Not, And, Or, Implies, Compare, Feature, Const, Duration)
 
@@ -27,8 +31,11 @@ class Clearance(NamedTuple):
     horizon_s: float
 
 
-def clearance(formula: Formula) -> Clearance | None:
-    """Of `always phi`, phi comparing features of one pair with numbers; None: there is none, or it is unknown."""
+def clearance(formula: Formula, volume: Thresholds = AMONG_SMALL) -> Clearance | None:
+    """Of `always phi`, phi comparing features of one pair with numbers; None: there is none, or it is unknown.
+
+    `volume`: the thresholds of well clear.
+    """
     if not isinstance(formula, Always) or formula.lo_us != 0 or formula.hi_us is not None:
         return None
     phi = formula.operand
@@ -48,11 +55,16 @@ def clearance(formula: Formula) -> Clearance | None:
         return None
     test = EvaluationCompiler().test(phi)
     for far in _CASES:
-        if test(*Moment(0, {label: math.inf for label, one in features.items() if one.name in far})) != TRUE:
+        known = dict.fromkeys(far, math.inf) | _KEEPING_CLEAR
+        if test(*Moment(0, {label: known[one.name] for label, one in features.items() if one.name in known})) != TRUE:
             return None
     distances = [bound for name in (*_DISTANCES, "cpa_xy", "") for bound in bounds.get(name, ())]
-    horizon_us = max(0.0, *bounds.get("cpa_time", (0.0,)))
-    return Clearance(max(distances) + _SLACK_M, horizon_us / 1e6)
+    horizon_s = max(0.0, *bounds.get("cpa_time", (0.0,))) / 1e6
+    if any(one.name in _KEEPING_CLEAR for one in features.values()):
+        ahead_s = min(LOOKAHEAD_S, max(0.0, *bounds.get("time_to_violation", (0.0,))) / 1e6)
+        distances.append(volume.d_m)
+        horizon_s = max(horizon_s, ahead_s + volume.tau_s)
+    return Clearance(max(distances) + _SLACK_M, horizon_s)
 
 
 def _number(term: Formula) -> float | None:

@@ -18,6 +18,7 @@ from dyknow.model.sample import Value
 from dyknow.model.values import NO_VALUE
 from reasoning.features.clearance import FAR_M, Clearance
 from reasoning.features.proximity import are_beyond, closest_approach, fence_margin_m, horizontal_miss_m, offset_m
+from reasoning.features.well_clear import AMONG_SMALL, Thresholds, is_well_clear, time_to_violation_s
 
 POSITION: Final = "heli-position"
 ALTITUDE: Final = "heli-altitude"
@@ -60,6 +61,15 @@ FEATURES: Final[Mapping[str, DerivedFeature]] = {
             (POSITION, VELOCITY),
             "horizontal distance times closing speed; > 0 closing",
         ),
+        DerivedFeature("well_clear", 2, "number", "1", _MOVING, "1 while the two keep well clear, 0 while they do not"),
+        DerivedFeature(
+            "time_to_violation",
+            2,
+            "duration",
+            "us",
+            _MOVING,
+            "time until the two violate well clear on straight courses; 180 s: not until then",
+        ),
         DerivedFeature("speed", 1, "number", "m/s", (VELOCITY,), "speed over ground"),
         DerivedFeature("altitude", 1, "number", "m", (ALTITUDE,), "altitude above mean sea level"),
         DerivedFeature("height", 1, "number", "m", (HEIGHT,), "height above home"),
@@ -94,13 +104,19 @@ class Derivation:
         vertical: `heli-altitude`, or `heli-height` to compare heights above different homes.
         fence: corners (latitude, longitude) in degrees, for `fence_margin`.
         first: the inputs of this unit stand before the others.
+        volume: the thresholds of `well_clear` and `time_to_violation`.
 
     Raises:
         UnknownLabel: if a label is not derivable.
     """
 
     def __init__(
-        self, labels: Iterable[str], vertical: str = ALTITUDE, fence: Sequence[Sequence[float]] = (), first: str = ""
+        self,
+        labels: Iterable[str],
+        vertical: str = ALTITUDE,
+        fence: Sequence[Sequence[float]] = (),
+        first: str = "",
+        volume: Thresholds = AMONG_SMALL,
     ) -> None:
         wanted: dict[tuple[str, ...], dict[str, str]] = {}
         for text in labels:
@@ -116,7 +132,7 @@ class Derivation:
         index = {each: at for at, each in enumerate(self.inputs)}
         self._groups: list[_Pair | _Single] = [
             (
-                _Pair(units, names, index, vertical)
+                _Pair(units, names, index, vertical, volume)
                 if len(units) == 2
                 else _Single(units[0], names, index, vertical, fence)
             )
@@ -166,9 +182,15 @@ class _Pair:
     """Features of two units. All it needs is looked up here: there are states by the thousand each second."""
 
     def __init__(
-        self, units: tuple[str, ...], names: dict[str, str], index: dict[FeatureInput, int], vertical: str
+        self,
+        units: tuple[str, ...],
+        names: dict[str, str],
+        index: dict[FeatureInput, int],
+        vertical: str,
+        volume: Thresholds,
     ) -> None:
         self._names = tuple(names.items())
+        self._volume, self._keeping_clear = volume, bool({"well_clear", "time_to_violation"} & set(names))
         self._in_space = "dist_3d" in names
         self._moving = bool({"cpa_time", "cpa_xy", "cpa_z"} & set(names))
         self._closing = bool({"hmd", "closing_xy"} & set(names))
@@ -227,6 +249,10 @@ class _Pair:
         if self._moving and down_m is not None:
             time_s, values["cpa_xy"], values["cpa_z"] = closest_approach((north_m, east_m, down_m), velocity)
             values["cpa_time"] = time_s * US_PER_S
+        if self._keeping_clear and down_m is not None and isfinite(xy_m + down_m + sum(velocity)):
+            p_m = north_m, east_m, down_m
+            values["well_clear"] = float(is_well_clear(p_m, velocity, self._volume))
+            values["time_to_violation"] = time_to_violation_s(p_m, velocity, self._volume) * US_PER_S
         if self._closing:
             values["hmd"] = horizontal_miss_m((north_m, east_m), velocity)
             values["closing_xy"] = -(north_m * velocity[0] + east_m * velocity[1])

@@ -13,15 +13,19 @@ from importlib.resources import files
 from typing import Any, Final, TypeAlias, get_args
 
 from dyknow.model.errors import TextError
-from dyknow.model.instants import parse_duration
+from dyknow.model.instants import US_PER_S, parse_duration
 from dyknow.model.toml_texts import tables_of
 from reasoning.features.derivation import ALTITUDE, FEATURES, HEIGHT, needed_labels
+from reasoning.features.well_clear import AMONG_SMALL, Thresholds
 from reasoning.formulas.evaluation import NoValuePolicy
 
 Threshold: TypeAlias = float | str
 """A number, or a time with suffix."""
 
+AIRCRAFT: Final = "traffic"
+"""What formulas of profiles call the aircraft that are no members."""
 _WORD: Final = re.compile(r"[A-Za-z_][A-Za-z0-9_]*")
+_VOLUME: Final = ("DMOD", "ZTHR", "TAUMOD_S", "TCOA_S")
 _KEYS: Final = {
     "formula",
     "sample",
@@ -59,6 +63,12 @@ class Profile:
     vertical: str = ALTITUDE
     fence: tuple[tuple[float, float], ...] = ()
     starts_avoidance: bool = False
+
+    @property
+    def volume(self) -> Thresholds:
+        """What `well_clear` and `time_to_violation` keep: its thresholds DMOD, ZTHR, TAUMOD_S and TCOA_S, where it has them."""
+        named = zip(_VOLUME, AMONG_SMALL, strict=True)
+        return Thresholds(*(_seconds(self.thresholds.get(name, usual)) for name, usual in named))
 
     @property
     def features(self) -> tuple[str, ...]:
@@ -151,6 +161,10 @@ def _threshold(name: str, key: str, value: Any) -> Threshold:
     if isinstance(value, int | float) and not isinstance(value, bool):
         return float(value)
     raise TextError(f"{name}: the threshold {key} is {value!r}", repair='a number, or a time such as "10s"')
+
+
+def _seconds(value: Threshold) -> float:
+    return parse_duration(value) / US_PER_S if isinstance(value, str) else value
 
 
 def _fence(name: str, corners: list[Any], file: str) -> tuple[tuple[float, float], ...]:

@@ -17,13 +17,14 @@ Chosen are `object` if the period of the states is known, else `deadlines`.
 """
 
 from collections.abc import Collection, Mapping
+from copy import copy
 from types import MappingProxyType
 from typing import Literal, NamedTuple, Protocol, TypeAlias
 
 from dyknow.model.sample import Value
 from reasoning.formulas.evaluation import EvaluationCompiler, Moment, NoValuePolicy, Test
 from reasoning.formulas.skeletons import TakenApart, take_apart
-from reasoning.formulas.tree import Domains, Formula, Since, required_labels, walk
+from reasoning.formulas.tree import Domains, Exists, Forall, Formula, Since, required_labels, walk
 from reasoning.progression.automaton import (
     LIMIT_GAPS,
     Automaton,
@@ -68,6 +69,9 @@ class Progressing(Protocol):
     @property
     def kept(self) -> int:
         """How many obligations are left."""
+
+    def again(self) -> "Progressing":
+        """Another one of the formula, before its first state; this one has had none either."""
 
     def explain(self) -> tuple[Explanation, ...]:
         """What made it true or false; nothing while it is undecided, or grows with its domains."""
@@ -138,9 +142,21 @@ class FastProgression:
         self._clauses: Clauses | None = None
         self._state: AutomatonState = _BEGINNING
         self._valid_us = 0
-        self._started = False
+        self._started = self._is_ready = False
         self._quick_us: int | None = None
         self._odd_gaps = 0
+
+    def again(self) -> "FastProgression":
+        """Another one of the formula, before its first state; this one has had none either.
+
+        What both have in common is worked out once, unless that follows from domains or changes.
+        """
+        if not self._is_ready:
+            if any(isinstance(node, Since | Forall | Exists) for node in walk(self.formula)):
+                return FastProgression(self.formula, self.period_us, self._no_value, deadlines=self._by_deadlines)
+            self._activate(_NO_DOMAINS)
+            self._is_ready = True
+        return copy(self)
 
     @property
     def verdict(self) -> Verdict:
@@ -209,7 +225,7 @@ class FastProgression:
             raise ValueError(f"states go forward in time: {valid_us} us after {self._valid_us} us")
         if self._no_value == "skip" and lacking(required_labels(self.formula, domains), values):
             return
-        if not self._started:
+        if not (self._started or self._is_ready):
             self._activate(domains)
         if not self._state.is_decided:
             changed_us = _NOTHING if self._changes is None else self._changes.after(valid_us, values)

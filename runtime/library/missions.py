@@ -5,7 +5,7 @@ from pathlib import Path
 from types import MappingProxyType
 from typing import TYPE_CHECKING, Any, Final, NamedTuple
 
-from dyknow.model.errors import FederationFailed, NothingFound, Refused, WrongCall
+from dyknow.model.errors import DyknowError, FederationFailed, NothingFound, Refused, WrongCall
 from federation import keys
 from federation.members.directory import unit_order
 from federation.messages.acts import Performative
@@ -35,6 +35,8 @@ Consent = Callable[[list[tuple[str, MissionProposal]]], bool]
 ANSWER_S: Final = 5.0
 AGREE_S: Final = 15.0
 """How long a platform may take to read what is delegated, and agree."""
+AGAIN_S: Final = 0.5
+"""The pause before a mission is requested again where home is not known yet, within AGREE_S."""
 
 
 class MissionRequest(NamedTuple):
@@ -109,12 +111,31 @@ def begin_mission(
         call = CallForMission(**{field: getattr(content, field) for field in type(content).model_fields})
         return (yield from _called(client, call, texts, leaders, consent or (lambda _proposals: True)))
     yield from _permit(client, name, leaders[0], taking_part)
-    dialogue = client.say(leaders[0], P.REQUEST, content, within_s=AGREE_S, standing=True)
-    client.centre.follow(dialogue, name)
-    yield Wait(lambda: bool(dialogue.said or dialogue.over), AGREE_S + GRACE_S)
-    if dialogue.trouble is not None or not dialogue.said:
-        raise failure_of(dialogue, "no answer in time")
-    return dialogue
+    return (yield from agreed(client, leaders[0], content))
+
+
+def agreed(client: Client, leader: str, content: FlyMission) -> Job[Dialogue]:
+    """Request a mission until it is agreed to; it is requested again while home is not known yet.
+
+    Raises:
+        Refused, ContentError, FederationFailed: as `begin_mission`.
+    """
+    until_us = client.now_us() + round(AGREE_S * 1e6)
+    while True:
+        dialogue = client.say(leader, P.REQUEST, content, within_s=AGREE_S, standing=True)
+        client.centre.follow(dialogue, content.mission)
+        yield Wait(lambda one=dialogue: bool(one.said or one.over), AGREE_S + GRACE_S)  # type: ignore[misc]
+        if dialogue.trouble is None and dialogue.said:
+            return dialogue
+        failure = failure_of(dialogue, "no answer in time")
+        if not _is_starting(failure) or client.now_us() >= until_us:
+            raise failure
+        yield Wait(lambda: False, AGAIN_S)
+
+
+def _is_starting(failure: DyknowError) -> bool:
+    """Whether the platform has yet to hear from its vehicle where home is: what has just been started soon does."""
+    return isinstance(failure, Refused) and failure.code == "no-origin"
 
 
 def _permit(client: Client, mission: str, leader: str, taking_part: Sequence[str]) -> Job[None]:

@@ -168,14 +168,6 @@ def sample_of_reading(unit: str, label: str, reading: Reading) -> UnitSample:
     return UnitSample(unit, label, value, reading.valid_us, reading.available_us, quality)
 
 
-def prediction_json(prediction: Predicted | None) -> dict[str, Any]:
-    """When a predicted value was made, and its branch and weight if there are several; nothing of a measured one."""
-    if prediction is None:
-        return {}
-    branch = {"branch": prediction.branch, "weight": prediction.weight} if prediction.branch else {}
-    return {"made_us": prediction.made_us, **branch}
-
-
 def _quality(value: Mapping[str, Any], variance: Mapping[str, Any] | None) -> Quality:
     """The covariance is diagonal: an answer has the variance of each field."""
     if variance is None or set(variance) != set(value):

@@ -19,7 +19,9 @@ _FIELDS: Final = {
     "heli-home": ("latitude_deg", "longitude_deg", "altitude_m"),
 }
 PLATFORM_LABELS: Final = tuple(_FIELDS)
-OBJECT_LABELS: Final = ("global-objects", "object-tracks", "believed-objects")
+AIRCRAFT: Final = "traffic"
+"""Objects in the air, with places in degrees, by one name for all platforms."""
+OBJECT_LABELS: Final = ("global-objects", "object-tracks", "believed-objects", AIRCRAFT)
 MOST_THINGS: Final = 1024
 """Platforms and objects; beyond that the one that has been silent for longest is forgotten."""
 _NOW_US: Final = 3_600_000_000
@@ -150,12 +152,26 @@ class ThingStates:
         return True
 
     def _on_object(self, unit: str, label: str, valid_us: int, value: dict[str, Any]) -> bool:
-        owner = "" if label == "global-objects" else unit
+        owner = "" if label in {"global-objects", AIRCRAFT} else unit
         match value:
             case {"symbol": str(symbol), "end": True}:
                 self._tracks.pop((owner, label, symbol), None)
                 self._given.pop((owner, label, symbol), None)
                 return True
+            case {"symbol": str(symbol), "latitude_deg": latitude_deg, "longitude_deg": longitude_deg} if (
+                label == AIRCRAFT
+            ):
+                track = self._track((owner, label, symbol))
+                for name, keys in (
+                    ("heli-altitude", ("altitude_m",)),
+                    ("heli-velocity", ("vy_m_s", "vx_m_s", "vz_m_s")),
+                ):
+                    if all(_is_within(value.get(key), 1e6) for key in keys):
+                        track.parts[name] = valid_us, tuple(float(value[key]) for key in keys)
+                is_placed = self._place(track, (latitude_deg, longitude_deg), valid_us, None)
+                radius_m = value.get("sd_m")
+                track.horizontal_sd_m = float(radius_m) / 2 if _is_within(radius_m, 1e6) and radius_m else None
+                return is_placed
             case {"symbol": str(symbol), "x_m": int() | float() as east_m, "y_m": int() | float() as north_m} if (
                 self._frame is not None and _is_within(east_m, 1e6) and _is_within(north_m, 1e6)
             ):

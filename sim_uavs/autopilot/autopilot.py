@@ -12,6 +12,7 @@ from pymavlink.dialects.v20 import all as mavlink
 
 from dyknow.model.instants import US_PER_S
 from sim_uavs.autopilot.commands import Commands, read_order
+from sim_uavs.autopilot.heard import broadcasts
 from sim_uavs.autopilot.link import Decoder, Links, MavlinkLink, Message
 from sim_uavs.autopilot.mission_protocol import Asker, Missions
 from sim_uavs.autopilot.parameters import Parameters
@@ -24,6 +25,7 @@ from sim_uavs.dynamics.vehicles import SensedFlight
 
 TICK_US = 100_000
 _COMPONENTS = frozenset({0, mavlink.MAV_COMP_ID_AUTOPILOT1})
+_MAVLINK_2_ID = 256
 _FTP_NAK, _FTP_UNKNOWN_COMMAND = 129, 7
 
 Sent = list[tuple[Peer, bytes]]
@@ -150,6 +152,8 @@ class Autopilot(SensedFlight):
         built: dict[int, Message | None] = {}
         sent: Sent = []
         said = [_spoken(event) for event in self.flight.take_events()]
+        others = [message for one in self._heard(tick * TICK_US) for message in broadcasts(self._frame, one)]
+        heard = [each for each in others if each.id < _MAVLINK_2_ID or not self._persona.is_mavlink_1]
         for link in self._links:
             for kind, every in (self._default_ticks | link.ticks).items():
                 if every <= 0 or (link.met and tick % every) or kind in self._persona.never_sent:
@@ -158,7 +162,7 @@ class Autopilot(SensedFlight):
                     built[kind] = BUILDERS[kind](snapshot)
                 if built[kind] is not None:
                     sent.append((link.peer, link.packed(built[kind])))
-            sent += [(link.peer, link.packed(message)) for message in said]
+            sent += [(link.peer, link.packed(message)) for message in (*said, *heard)]
             link.met = True
         return sent
 
@@ -216,7 +220,7 @@ class Autopilot(SensedFlight):
         return []
 
     def _on_command(self, message: Message, asker: Asker, link: MavlinkLink, now_us: int) -> list[Message]:
-        """Exactly one acknowledgement, to the requester; the requested messages come after it."""
+        """Its acknowledgement, to the requester; the requested messages come after it."""
         order = read_order(message)
         told: list[Message] = []
         by_int = message.get_msgId() == mavlink.MAVLINK_MSG_ID_COMMAND_INT
@@ -238,7 +242,8 @@ class Autopilot(SensedFlight):
                 result = mavlink.MAV_RESULT_ACCEPTED
             case _:
                 result = self._commands.obey(order)
-        return [_ack(order.command, result, asker), *told]
+        is_twice = order.command == mavlink.MAV_CMD_DO_SET_MODE and self._persona.acknowledges_modes_twice
+        return [_ack(order.command, result, asker)] * (2 if is_twice else 1) + told
 
     def _requested(self, kind: float, index: float, now_us: int) -> list[Message]:
         """The message with this id, now. Of AVAILABLE_MODES one, or all when `index` is 0."""

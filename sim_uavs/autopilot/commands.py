@@ -172,17 +172,25 @@ class Commands:
     def _reposition(self, order: FlightOrder) -> FlightAnswer:
         """Speed below 0 keeps the present one; coordinates that are not numbers mean the present ones."""
         speed_m_s, flags, _, yaw_rad = order.params
+        is_changed = isfinite(flags) and int(flags) & mavlink.MAV_DO_REPOSITION_FLAGS_CHANGE_MODE
+        if self._persona.stops_nowhere and not any(map(isfinite, order[2:5])):
+            if is_changed and self._flight.airborne:
+                self._flight.set_mode(Mode.GUIDED)
+            return self._flight.hold()
         here = self._frame.from_ned(*self._flight.body.position)
         latitude_deg = order.latitude_deg if isfinite(order.latitude_deg) else here[0]
         longitude_deg = order.longitude_deg if isfinite(order.longitude_deg) else here[1]
         point = local_point(self._frame, order.frame, latitude_deg, longitude_deg, order.altitude_m)
         if point is None:
             return FlightAnswer.OUT_OF_RANGE
-        if isfinite(flags) and int(flags) & mavlink.MAV_DO_REPOSITION_FLAGS_CHANGE_MODE and self._flight.airborne:
+        if is_changed and self._flight.airborne:
             self._flight.set_mode(Mode.GUIDED)
         answer = self._flight.go_to(point, yaw_rad if isfinite(yaw_rad) else nan)
         if answer is FlightAnswer.NOT_GUIDED and self._persona.denies_unguided:
             return FlightAnswer.DENIED
+        if answer is FlightAnswer.OUTSIDE_FENCE and self._persona.accepts_outside:
+            self._flight.events.append(Said(mavlink.MAV_SEVERITY_CRITICAL, "Reposition is outside geofence"))
+            return FlightAnswer.ACCEPTED
         if answer is FlightAnswer.ACCEPTED and isfinite(speed_m_s) and speed_m_s > 0.0:
             self._flight.change_speed(speed_m_s)
         return answer

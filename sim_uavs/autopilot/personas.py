@@ -39,6 +39,9 @@ class Persona:
         never_sent: messages that this firmware does not have.
         on_request: whether streams are sent only when REQUEST_DATA_STREAM asks for them.
         is_mavlink_1: it neither sends nor understands MAVLink 2.
+        stops_nowhere: a reposition without a place stops it where it can.
+        accepts_outside: a place outside of its fence is acknowledged, not flown to, and refused in words.
+        acknowledges_modes_twice: DO_SET_MODE has two acknowledgements.
         denies_unguided: a point in a mode that takes none is denied, not temporarily rejected.
     """
 
@@ -58,6 +61,9 @@ class Persona:
     on_request: bool = False
     is_mavlink_1: bool = False
     denies_unguided: bool = False
+    stops_nowhere: bool = False
+    accepts_outside: bool = False
+    acknowledges_modes_twice: bool = False
 
     def name(self, mode: Mode) -> str:
         """What the maker calls the mode."""
@@ -117,6 +123,11 @@ ARDUPILOT = Persona(
         ParameterKind("WPNAV_SPEED_DN", "descent_m_s", 100.0, _REAL, 10, 500),
         ParameterKind("LAND_SPEED", "land_m_s", 100.0, _REAL, 30, 200),
         ParameterKind("RTL_ALT", "return_m", 100.0, _REAL, 200, 300_000),
+        ParameterKind("RTL_ALT_FINAL", "final_m", 100.0, _REAL, 0, 100_000),
+        ParameterKind("FS_GCS_ENABLE", "link_loss_action", 1.0, _INT, 0, 7),
+        ParameterKind("FS_GCS_TIMEOUT", "link_loss_s", 1.0, _REAL, 2, 120),
+        ParameterKind("FS_OPTIONS", "link_loss_options", 1.0, _INT, 0, 63),
+        ParameterKind("SYSID_MYGCS", "station_id", 1.0, _INT, 1, 255),
         ParameterKind("PILOT_TKOFF_ALT", "take_off_m", 100.0, _REAL, 100, 100_000),
         ParameterKind("DISARM_DELAY", "disarm_s", 1.0, _REAL, 1, 127),
         ParameterKind("FENCE_ENABLE", "fence_on", 1.0, _INT, 0, 1),
@@ -191,6 +202,10 @@ PX4 = Persona(
         ParameterKind("MPC_Z_VEL_MAX_DN", "descent_m_s", 1.0, _REAL, 0.1, 5),
         ParameterKind("MPC_LAND_SPEED", "land_m_s", 1.0, _REAL, 0.3, 2),
         ParameterKind("RTL_RETURN_ALT", "return_m", 1.0, _REAL, 2, 3000),
+        ParameterKind("NAV_DLL_ACT", "link_loss_action", 1.0, _INT, 0, 6),
+        ParameterKind("COM_DL_LOSS_T", "link_loss_s", 1.0, _INT, 5, 300),
+        ParameterKind("COM_OBL_RC_ACT", "offboard_loss_action", 1.0, _INT, 0, 7),
+        ParameterKind("COM_OF_LOSS_T", "offboard_loss_s", 1.0, _REAL, 0, 60),
         ParameterKind("BAT_LOW_THR", "battery_low", 1.0, _REAL, 0.05, 0.5),
         ParameterKind("BAT_CRIT_THR", "battery_critical", 1.0, _REAL, 0.02, 0.3),
         ParameterKind("COM_DISARM_PRFLT", "disarm_s", 1.0, _REAL, 1, 127),
@@ -211,6 +226,9 @@ PX4 = Persona(
         Mode.LAND: "Land",
         Mode.OFFBOARD: "Offboard",
     },
+    stops_nowhere=True,
+    accepts_outside=True,
+    acknowledges_modes_twice=True,
     not_understood=_HANDLING,
     never_sent=frozenset({mavlink.MAVLINK_MSG_ID_WINCH_STATUS}),
 )

@@ -11,6 +11,9 @@ at which a ground station repeats the target that the vehicle had), `takeover` (
 
 `blind`: its cameras show nothing.
 
+`helicopter=60`, `drone=15`: its receivers hear an aircraft that is no member and comes over it from the east, at that speed in
+metres a second; a helicopter by ADS-B, a drone by Remote ID.
+
 How work with boxes fails: `failed-take-off` (it stays on the ground), `failed-attach` (the magnet takes hold of nothing),
 `dropped-box` (what hangs on the line falls, at once), `misplaced-box=3` (what is let go comes down 3 m from where it should),
 `late=3` (it flies at a third of its speed).
@@ -65,6 +68,8 @@ _KINDS = {
     "misplaced-box": _Kind(3.0, 0.0, 50.0),
     "late": _Kind(3.0, 1.0, 100.0),
     "blind": _Kind(None, 0, 0),
+    "helicopter": _Kind(60.0, 1.0, 300.0),
+    "drone": _Kind(15.0, 1.0, 100.0),
 }
 KINDS = tuple(_KINDS)
 Beginning = Literal["start", "arm", "load"]

@@ -39,6 +39,13 @@ class VehicleSettings:
     fence_highest_m: float = 100.0
     fence_lowest_m: float = -10.0
     fence_radius_m: float = 300.0
+    link_loss_action: float = 0.0
+    link_loss_s: float = 5.0
+    link_loss_options: float = 0.0
+    station_id: float = 255.0
+    final_m: float = 0.0
+    offboard_loss_action: float = 0.0
+    offboard_loss_s: float = 1.0
     gripper_on: float = 0.0
     winch_type: float = 0.0
     winch_m_s: float = 1.0

@@ -11,7 +11,9 @@ import numpy as np
 from navigation import vehicle
 from navigation.cameras.pinhole import Attitude, PanTilt
 from navigation.geodesy import LocalFrame
+from navigation.heard_aircraft import HeardAircraft
 from sim_uavs.cameras.mount import Mount, MountLimits
+from sim_uavs.dynamics.aircraft import PassingAircraft, PassingTraffic
 from sim_uavs.dynamics.faults import ActiveFaults, FaultSchedule, SimulatedFault, spoil
 from sim_uavs.dynamics.flight import GUIDED_MODES, Flight, FlightAnswer, GoingTo, Mode
 from sim_uavs.dynamics.quadcopter import ZERO, Vector
@@ -70,6 +72,7 @@ class SensedFlight:
         self.mount = Mount(MountLimits(), self._mount_rng) if config.has_mount else None
         self._mounted_us = now_us
         self.hoist: Hoist | None = None
+        self._traffic = PassingTraffic()
 
     def carry(self, hoist: Hoist) -> None:
         """Have a winch with a magnet, from now on."""
@@ -130,6 +133,10 @@ class SensedFlight:
         else:
             self.mount.look_at(*self._frame.to_ned(*order))
         return FlightAnswer.ACCEPTED
+
+    def _heard(self, now_us: int) -> list[PassingAircraft]:
+        """Other aircraft that its receivers hear now."""
+        return self._traffic.heard(now_us, self._faults, self.flight.body.position)
 
     def _suffer(self, now_us: int) -> None:
         """Have others command the vehicle, while that holds: a ground station, and a pilot at the sticks."""
@@ -216,7 +223,21 @@ class SimulatedVehicle(SensedFlight):
         loss = self._faults.amount("packet-loss", now_us)
         if self._gps is not None and (loss is None or self._rng.random() * 100.0 >= loss):
             reports += self._often(self._gps, stamp_us)
-        return reports + self._mounted(now_us, stamp_us) + self._wound(stamp_us)
+        return (
+            reports + self._mounted(now_us, stamp_us) + self._wound(stamp_us) + self._traffic_reports(now_us, stamp_us)
+        )
+
+    def _traffic_reports(self, now_us: int, stamp_us: int) -> list[vehicle.Report]:
+        """Once a second what its receivers hear."""
+        aircraft = tuple(
+            HeardAircraft(
+                stamp_us, "adsb" if one.kind == "helicopter" else "remote-id",
+                "adsb-4ca123" if one.kind == "helicopter" else "rid-1sim5flyby", *self._frame.from_ned(*one.position), 60.0,
+                "barometric", *one.velocity, kind=one.kind,
+            )
+            for one in self._heard(now_us)
+        )  # fmt: skip
+        return [vehicle.TrafficReport(stamp_us, aircraft)] if aircraft else []
 
     def _wound(self, stamp_us: int) -> list[vehicle.Report]:
         hoist = self.working_hoist

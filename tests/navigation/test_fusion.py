@@ -116,6 +116,18 @@ def test_silence_is_said_with_its_reason_and_since_when() -> None:
     assert unit.on_time(last_us + 10_000_000) == []
 
 
+def test_what_comes_and_is_old_when_it_does_is_late_and_not_silent() -> None:
+    """The device's clock stops for 0.6 s after three seconds: what it stamps from then on is as much behind."""
+    unit, reasons = PositionFilter(PERIOD_US), []
+    for report, available_us in straight(6):
+        late_us = 600_000 if report.valid_us > START_US + 3_000_000 else 0
+        unit.on_report(report, available_us + late_us)
+        unit.on_time(available_us + late_us + 50_000)
+        reasons.append(unit.health.reason)
+    assert faults.LATE in reasons
+    assert reasons[-1] != faults.SILENT
+
+
 @pytest.mark.parametrize("count", [1, 2, 4, 40])
 def test_a_teleport_is_not_believed(count) -> None:
     reports = straight(9)

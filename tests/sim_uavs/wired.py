@@ -11,9 +11,10 @@ from pymavlink.dialects.v20 import ardupilotmega as mavlink
 
 from navigation.vehicle import Command, HoldOrder, HomeReport, Order, Report
 from proxies.mavlink.frames import Cutter
-from proxies.mavlink.orders import OURSELVES, Errands, OrderOutcome, Target
+from proxies.mavlink.orders import Errands, OrderOutcome
 from proxies.mavlink.reports import VehicleReports
 from proxies.mavlink.requests import Requests
+from proxies.mavlink.ways import OURSELVES, Target
 from sim_uavs.autopilot.autopilot import Autopilot, Sent
 from sim_uavs.autopilot.personas import PERSONAS
 from sim_uavs.dynamics.faults import SimulatedFault

@@ -56,6 +56,7 @@ class PairCondition:
         thresh: Thresh | None = None,
     ) -> None:
         self.formula = formula
+        self._first = make_progression(formula, way="object")
         self.is_trivial = formula == ALWAYS_TRUE
         self.gate = gate_of(formula, specification.threshold.most_m)
         self._specification, self._name, self._context, self._thresh = specification, name, context, thresh
@@ -72,7 +73,7 @@ class PairCondition:
 
     def start(self) -> Progressing:
         """A new evaluation, before its first state."""
-        return make_progression(self.formula, way="object")
+        return self._first.again()
 
     def step(
         self,

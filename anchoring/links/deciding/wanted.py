@@ -98,6 +98,13 @@ class WantedObject:
         self._evaluations.pop(symbol, None)
         self._until_us.pop(symbol, None)
 
+    def rename(self, before: str, after: str) -> None:
+        """An object below has another symbol."""
+        if before in self._evaluations:
+            self._evaluations[after] = self._evaluations.pop(before)
+        if before in self._until_us:
+            self._until_us[after] = self._until_us.pop(before)
+
 
 def described(values: Mapping[str, Value]) -> Formula:
     """The description that all attributes have these values."""

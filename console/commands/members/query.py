@@ -11,6 +11,7 @@ from console.command import Call, command
 from console.errors import DONE, NO
 from console.options.arguments import StreamLabel, Unit
 from console.output.output import unit_json
+from console.output.predictions import prediction_json, prediction_text
 from console.output.shown import Shown, styled
 from dyknow.model.errors import NothingFound, WrongCall
 from dyknow.model.instants import print_span
@@ -22,7 +23,7 @@ from runtime.configuration.instants import SHORTEST_US, clock_time, duration_us
 from runtime.library.jobs import readings_of, readings_via
 from runtime.library.meanings import differing, meaning_to
 from runtime.library.questions import Which, age_of, check_name, is_own_label, query_of
-from runtime.library.results import prediction_json, variances_in
+from runtime.library.results import variances_in
 
 SELECT = {"newest": select_newest, "best": select_best}
 MERGE = {"mean": merge_mean, "inverse-variance": merge_inverse_variance}
@@ -150,14 +151,6 @@ def reading_json(label: str, unit: str, reading: Reading) -> dict[str, Any]:
     for square, stated in variances_in(value or {}, reading.variance or {}).items():
         record[f"variance_{square}" if square else "variance"] = stated
     return record
-
-
-def prediction_text(record: Mapping[str, Any]) -> str:
-    """How far ahead a sample was predicted, and in which branch; nothing of a measured one."""
-    if "made_us" not in record:
-        return ""
-    branch = f", {record['branch']} {record['weight']:.0%}" if "branch" in record else ""
-    return f"  predicted {print_span(record['valid_us'] - record['made_us'])} ahead{branch}"
 
 
 def value_text(value: Any, meaning: SemanticLabel | None = None) -> str:

@@ -6,10 +6,11 @@ import typer
 
 from console.centre.client import connected
 from console.command import Call, command
-from console.commands.members.query import prediction_text, value_text
+from console.commands.members.query import value_text
 from console.errors import DONE, NO
 from console.options.arguments import Count, Label, Unit
 from console.output.output import unit_json
+from console.output.predictions import prediction_json, prediction_text
 from console.output.shown import styled
 from dyknow.model.errors import FederationFailed, WrongCall
 from dyknow.model.instants import print_span
@@ -23,7 +24,6 @@ from runtime.configuration.instants import SHORTEST_US, clock_time, duration_us,
 from runtime.library.jobs import SET_UP_S, agreeing, request_streams
 from runtime.library.meanings import differing, meaning_to, record_of
 from runtime.library.questions import check_label, check_streamed
-from runtime.library.results import prediction_json
 
 SILENT_US = 2_000_000
 """After this long, or two periods, without a sample the reason is printed."""

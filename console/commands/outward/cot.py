@@ -23,11 +23,11 @@ from console.errors import DONE, INTERRUPTED
 from console.options.arguments import Duration
 from console.processes.supervision import interruptible
 from dyknow.model.errors import WrongCall
-from proxies.outward.cot import ALARM, UAV, UNKNOWN_GROUND, CotMotion, CotPoint, cot_event
+from proxies.outward.cot import ALARM, UAV, UNKNOWN_AIR, UNKNOWN_GROUND, CotMotion, CotPoint, cot_event
 from proxies.outward.outlets import Outlet, parse_destination
 from runtime.client import Client
 from runtime.configuration.instants import SHORTEST_US, duration_us
-from runtime.recorder.things import PLATFORM_LABELS, AlarmEdge, ThingState, ThingStates
+from runtime.recorder.things import AIRCRAFT, PLATFORM_LABELS, AlarmEdge, ThingState, ThingStates
 
 
 @command(example="dyknow cot --to udp://127.0.0.1:6969 --alarms")
@@ -37,8 +37,8 @@ def cot(
     to: To,
     every: Every = "1s",
     objects: Annotated[
-        Literal["global-objects", "object-tracks", "believed-objects"] | None,
-        typer.Option(help="Objects of this label as well; they need --origin."),
+        Literal["global-objects", "object-tracks", "believed-objects", "traffic"] | None,
+        typer.Option(help="Objects of this label as well; all but traffic need --origin."),
     ] = None,
     origin: Annotated[
         str | None, typer.Option(metavar="LAT,LON", help="The federation's origin, which places of objects refer to.")
@@ -52,7 +52,7 @@ def cot(
     destination = parse_destination(to, beyond=beyond)
     period_us = duration_us(every, option="--every", least_us=SHORTEST_PERIOD_US)
     lasts_us = duration_us(duration, option="--duration", least_us=SHORTEST_US) if duration else None
-    if objects and not origin:
+    if objects not in {None, AIRCRAFT} and not origin:
         raise WrongCall(
             "--objects: their places are metres from the federation's origin; say where it is: --origin LAT,LON."
         )
@@ -90,13 +90,13 @@ class CotSender:
     undulation_m: float | None = None
 
     def on_track(self, track: ThingState) -> None:
-        """A platform as a friendly drone, an object as an unknown thing on the ground."""
+        """A platform as a friendly drone, an object as an unknown thing on the ground, or in the air."""
         name = ".".join(filter(None, (track.label, track.unit, track.symbol)))
         velocity = track.part("heli-velocity")
         motion = None
         if velocity is not None and len(velocity) == 3:
             motion = CotMotion(degrees(atan2(velocity[1], velocity[0])), hypot(velocity[0], velocity[1]))
-        kind = UNKNOWN_GROUND if track.label else UAV
+        kind = UAV if not track.label else UNKNOWN_AIR if track.label == AIRCRAFT else UNKNOWN_GROUND
         self._send(name, kind, track.symbol or track.unit, point_of(track), track.valid_us, motion)
 
     def on_alarm(self, alarm: AlarmEdge, tracks: list[ThingState]) -> None:

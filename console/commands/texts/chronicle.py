@@ -236,7 +236,7 @@ def _live(call: Call, file: Path, unit: str, seconds: float, delay_s: float | No
 
 def _tell_live(call: Call, unit: str, said: "Content") -> bool:
     """Print a note or an instance of a platform; whether it is an instance."""
-    from console.commands.members.query import prediction_text
+    from console.output.predictions import prediction_text
     from federation.messages.contents import Expected, Reason, Recognised
     from reasoning.chronicles.recognition.changes import symbol
 

@@ -6,13 +6,12 @@ from pathlib import Path
 from typing import Any, Final
 
 from console.command import Call
-from console.commands.members.query import prediction_text
 from console.output.output import counted
+from console.output.predictions import prediction_json, prediction_text
 from console.output.shown import Shown, line, styled
 from dyknow import Predicted
 from dyknow.model.instants import US_PER_S, print_span
 from runtime.configuration.instants import clock_time
-from runtime.library.results import prediction_json
 
 
 def tell_record(call: Call, said: dict[str, Any], *, begins_us: int | None = None) -> None:

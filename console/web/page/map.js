@@ -4,7 +4,7 @@ import { $, el, state, select, figure, canAct } from "/page.js";
 const EARTH_M = 40075016.686;
 const OPEN = { routes: true, fences: true, trails: true, pairs: true, views: true, objects: true, salient: true, areas: true, labels: true, tiles: true };
 const NAMES = { trails: "trails", routes: "routes and manoeuvres", fences: "geofences", pairs: "close pairs", views: "fields of view", objects: "objects", salient: "saliency", areas: "areas", labels: "names", tiles: "tiles" };
-const AHEAD_S = 4;
+const AHEAD_S = 4, AIRCRAFT_S = 30, OLD_US = 15e6;
 
 const mercator = ([latitude, longitude]) => {
   const sine = Math.sin((Math.max(-85, Math.min(85, latitude)) * Math.PI) / 180);
@@ -291,6 +291,7 @@ export class MapView {
   drawObjects() {
     const c = this.c, mpp = this.metresPerPixel();
     for (const row of shownObjects()) {
+      if (row.label === "traffic") { if (state.t - row.valid_us < OLD_US) this.drawAircraft(row); continue; }
       const [x, y] = this.toScreen(row.at), certain = row.existence ?? 1;
       c.globalAlpha = 0.35 + 0.65 * Math.min(1, certain);
       c.strokeStyle = this.paint.text; c.fillStyle = OBJECT_PAINT[row.colour] || "#e69f00"; c.lineWidth = 1.5;
@@ -311,6 +312,18 @@ export class MapView {
       if (this.layers.labels && mpp < 0.8) this.note(row.at, `${row.name}${row.types && row.types.includes(",") ? ` ${row.types}` : row.type ? ` ${row.type}` : ""}${row.existence !== undefined ? ` ${Math.round(row.existence * 100)} %` : ""}`, this.paint.dim, 7);
     }
   }
+  /** An aircraft that is no member: where it is, within what, where it is in half a minute, and how high. */
+  drawAircraft(row) {
+    const c = this.c, mpp = this.metresPerPixel(), [x, y] = this.toScreen(row.at), r = 8;
+    c.strokeStyle = c.fillStyle = this.paint.bad; c.lineWidth = 2; c.globalAlpha = 1;
+    c.beginPath(); c.moveTo(x - r, y - r); c.lineTo(x + r, y + r); c.moveTo(x + r, y - r); c.lineTo(x - r, y + r); c.stroke();
+    if (row.sd_m / mpp > r) { c.globalAlpha = 0.5; c.lineWidth = 1; c.beginPath(); c.arc(x, y, row.sd_m / mpp, 0, 7); c.stroke(); }
+    if (row.vx_m_s !== undefined && row.vy_m_s !== undefined) {
+      c.globalAlpha = 0.8; c.lineWidth = 1.5; c.setLineDash([8, 5]); c.beginPath(); c.moveTo(x, y); c.lineTo(x + (row.vx_m_s * AIRCRAFT_S) / mpp, y - (row.vy_m_s * AIRCRAFT_S) / mpp); c.stroke(); c.setLineDash([]);
+    }
+    c.globalAlpha = 1;
+    this.note(row.at, `${row.callsign || row.symbol} ${row.kind || ""} ${figure(row.altitude_m, " m", 0)}`, this.paint.bad, 7);
+  }
   drawPairs() {
     const c = this.c, platforms = state.rows("platforms");
     for (const row of Object.values(state.rows("pairs"))) {
@@ -322,9 +335,9 @@ export class MapView {
     }
   }
   drawAlarms() {
-    const c = this.c, platforms = state.rows("platforms");
+    const c = this.c, platforms = state.rows("platforms"), others = Object.fromEntries(shownObjects().map((row) => [row.symbol, row]));
     for (const [, alarm] of state.openAlarms()) {
-      const places = alarm.units.map((unit) => platforms[unit] && platforms[unit].at).filter(Boolean);
+      const places = alarm.units.map((unit) => (platforms[unit] || others[unit])?.at).filter(Boolean);
       if (places.length > 1) { this.path(places); c.lineWidth = 4; c.strokeStyle = this.paint.bad; c.globalAlpha = 0.75; c.stroke(); c.globalAlpha = 1; }
       for (const at of places) { const [x, y] = this.toScreen(at); c.beginPath(); c.arc(x, y, 21, 0, 7); c.lineWidth = 3; c.strokeStyle = this.paint.bad; c.stroke(); }
     }
@@ -376,9 +389,9 @@ export function shownObjects() {
   const found = new Map();
   for (const row of Object.values(state.rows("objects"))) {
     if (!row.at) continue;
-    const isShared = row.label === "global-objects", name = isShared ? row.symbol : row.identity || `${row.unit}:${row.symbol}`;
+    const isShared = row.label === "global-objects" || row.label === "traffic", name = isShared ? row.symbol : row.identity || `${row.unit}:${row.symbol}`;
     const before = found.get(name);
-    if (!before || (isShared && before.label !== "global-objects") || (before.label === row.label && row.valid_us > before.valid_us)) found.set(name, { ...row, name });
+    if (!before || (isShared && before.label !== row.label) || (before.label === row.label && row.valid_us > before.valid_us)) found.set(name, { ...row, name });
   }
   return [...found.values()];
 }

@@ -112,7 +112,7 @@ export class Panels {
     keyed(box, rows.map(([name, row]) => [name, JSON.stringify([row.event, row.closed_us]), () => {
       const isOpen = row.event === "opened";
       const lasted = row.opened_us && row.closed_us ? `, ${span(row.closed_us - row.opened_us)}` : "";
-      const values = Object.entries(row.values || {}).map(([what, value]) => `${what} = ${typeof value !== "number" ? value : what.startsWith("cpa_time") ? span(value) : Number(value.toPrecision(4))}`);
+      const values = Object.entries(row.values || {}).map(([what, value]) => `${what} = ${typeof value !== "number" ? value : /^(cpa_time|time_to_violation)/.test(what) ? span(value) : Number(value.toPrecision(4))}`);
       return el("article", { cls: `card clicks ${isOpen ? "bad" : "over"}`, "data-alarm": name, on: { click: () => select(row.units[0] ?? null) } },
         el("div", { cls: "head" }, mark(isOpen ? SHOWS.alarm : ["○", ""]), el("strong", { text: row.monitor }), el("span", { text: row.units.join(" – ") }),
           el("span", { cls: "right", text: isOpen ? `open since ${clockText(row.opened_us)}` : `${row.event} ${clockText(row.closed_us)}${lasted}` })),

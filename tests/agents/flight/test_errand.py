@@ -19,6 +19,7 @@ from navigation.vehicle import (
     ReturnHomeOrder,
     StatusReport,
     TargetReport,
+    TextReport,
 )
 
 P = OrderProgress
@@ -183,10 +184,32 @@ def test_a_ground_station_that_streams_its_target_is_seen_with_its_first_one_aft
 
 def test_a_target_from_before_the_order_is_not_another_will() -> None:
     climbs = accepted(errand(tells_target=True))
-    climbs.on_target(TargetReport(0, *FAR[:3]), SETTLES_US - 1)
-    assert climbs.progress is P.ACKNOWLEDGED
-    climbs.on_target(TargetReport(0, *FAR[:3]), SETTLES_US)
-    assert climbs.progress is P.OVERTAKEN
+    climbs.before = TargetReport(0, *FAR[:3])
+    climbs.on_target(TargetReport(0, *FAR[:3]), SETTLES_US + 1)
+    assert climbs.progress is P.ACKNOWLEDGED, (
+        "the autopilot has not taken the order over, and flies where it flew before"
+    )
+    climbs.on_text(TextReport(0, 2, "Reposition is outside geofence"), 1_000)
+    climbs.on_text(TextReport(0, 4, "Battery low"), 2_000)
+    climbs.on_time(SETTLES_US)
+    climbs.on_time(SEEN_WITHIN_US)
+    assert climbs.reason.endswith("target within 2 s; the autopilot says: Reposition is outside geofence")
+
+
+def test_a_target_that_differs_from_the_one_before_as_well_is_another_will() -> None:
+    climbs = accepted(errand(tells_target=True))
+    for latitude_deg, progress in ((58.01, P.ACKNOWLEDGED), (58.01, P.ACKNOWLEDGED), (58.02, P.OVERTAKEN)):
+        climbs.on_target(TargetReport(0, latitude_deg, 15.0, 100.0), SETTLES_US)
+        assert climbs.progress is progress
+
+
+def test_what_an_autopilot_says_later_is_not_of_the_order() -> None:
+    climbs = accepted(errand())
+    climbs.on_text(TextReport(0, 4, "Battery low"), 1_000_001)
+    climbs.on_time(SETTLES_US)
+    climbs.on_time(SEEN_WITHIN_US)
+    assert climbs.progress is P.UNSEEN
+    assert "Battery" not in climbs.reason
 
 
 @pytest.mark.parametrize("status", [mode("LOITER"), mode("GUIDED", guided=True, armed=False)])

@@ -5,8 +5,9 @@ from collections.abc import Callable
 import pytest
 
 from agents.flight.arbiter import HEARD_WITHIN_US
+from agents.flight.commanded import ATTEMPTS, FORGETS_US, RETRY_US
 from agents.flight.errand import OrderProgress
-from agents.flight.pilot import ATTEMPTS, FORGETS_US, RETRY_US, Pilot
+from agents.flight.pilot import Pilot
 from agents.flight.places import FlightLimits, FlightPlan, Waypoint
 from dyknow import Sample
 from dyknow.model.errors import Refused
@@ -128,7 +129,11 @@ def test_the_plan_is_not_flown_while_a_rule_forbids_it(breaks: Callable[[Pilot],
     assert words in (flown.refusal(HoldOrder()) or "")
     flown.control = True
     flown.on_report(FLIES, 1)
-    assert at(flown, 100_000) == [leg(NEAR)], "and is flown as soon as none does"
+    if breaks is not_guided:
+        assert at(flown, 100_000) == [], "a mode that was changed in flight is the pilot's hands"
+        assert orders(flown.proceed()) == [leg(NEAR)]
+    else:
+        assert at(flown, 100_000) == [leg(NEAR)], "and is flown as soon as none does"
 
 
 @pytest.mark.parametrize(
@@ -339,17 +344,71 @@ def test_after_giving_way_the_targets_of_the_ground_station_are_its_own_again() 
     assert at(flown, 12_000_000) == [], "nobody asked"
     assert flown.resume() == []
     guided_to(flown, B, 13_000_000)
+    assert flown.avoidance_off == "its pilot took over", "the mode was changed in flight, whatever it was doing"
+    with pytest.raises(Refused, match="its pilot took over"):
+        flown.divert(130.0)
+    flown.command(HoldOrder())
+    assert flown.avoidance_off is None
     flown.divert(130.0)
-    assert orders(flown.resume()) == [GoToOrder(*B[1:])], "the newer one"
 
 
-def test_a_target_that_is_not_told_any_more_is_not_returned_to() -> None:
+def test_a_target_that_was_heard_before_a_gap_of_the_link_is_returned_to() -> None:
+    flown = pilot()
+    flown.note = (notes := []).append
+    guided_to(flown, A, 0)
+    hears(flown, 4_000_000)
+    at(flown, 4_000_000)
+    flown.divert(130.0)
+    assert notes == ["its target was heard 4 s ago, and is taken to be the same still"]
+    guided_to(flown, A, 4_200_000)
+    assert orders(flown.resume()) == [GoToOrder(*A[1:])]
+
+
+def test_a_target_that_was_given_in_a_gap_of_the_link_is_returned_to() -> None:
     flown = pilot()
     guided_to(flown, A, 0)
     hears(flown, 4_000_000)
     at(flown, 4_000_000)
     flown.divert(130.0)
+    guided_to(flown, B, 4_200_000)
+    assert orders(flown.resume()) == [GoToOrder(*B[1:])], "it overtakes nothing: the order came after it"
+
+
+def test_a_vehicle_that_never_said_where_it_was_going_holds_and_says_so() -> None:
+    flown = pilot()
+    flown.note = (notes := []).append
+    at(flown)
+    flown.divert(130.0)
     assert flown.resume() == []
+    assert notes == ["it is not known where the vehicle was going: it holds"]
+
+
+def test_between_two_places_it_returns_to_the_one_it_was_sent_to_last() -> None:
+    """A shuttle: each round the ground station gives the place that an order of ours gave the round before."""
+    flown = pilot()
+    at(flown)
+    for lap in range(4):
+        for to in (A, B):
+            now_us = flown.now_us + 60_000_000
+            guided_to(flown, to, now_us)
+            at(flown, now_us)
+            assert flown.others_target() == GoToOrder(*to[1:]), lap
+            (command,) = flown.divert(130.0)
+            told(flown, command, accepted=True)
+            (back,) = flown.resume()
+            assert back.order == GoToOrder(*to[1:]), lap
+            told(flown, back, accepted=True)
+            flown.on_report(to, now_us + 500_000)
+
+
+def test_hold_then_resume_goes_on_to_where_the_order_before_had_it() -> None:
+    flown = pilot()
+    at(flown)
+    guided_to(flown, A, 0)
+    flown.command(GoToOrder(*B[1:]))
+    flown.command(HoldOrder())
+    flown.command(HoldOrder())
+    assert orders(flown.proceed()) == [GoToOrder(*B[1:])]
 
 
 def test_a_ground_station_that_sends_the_vehicle_elsewhere_meanwhile_is_not_contradicted() -> None:
@@ -613,7 +672,7 @@ def test_with_leave_a_mission_is_interrupted_to_give_way_and_resumed_at_its_item
 def test_of_two_whose_missions_report_no_target_the_lower_flies_on_and_the_higher_waits() -> None:
     for lower in (True, False):
         flown = on_mission(missions=True)
-        flown.target = None
+        flown.targets.forget()
         (command,) = flown.divert(None)
         told(flown, command, accepted=True)
         flown.on_report(FLIES, 100_000)

@@ -93,6 +93,7 @@ def test_cancelled_or_aborted_its_vehicles_hold_and_are_free() -> None:
     assert [flown.ask(TaskOver(task="m1"), unit)[0][0] for unit in "01"] == ["agree", "agree"]
     assert told(mission)[-1].startswith("failure: aborted: a command centre ended it")
     for vehicle in flown.vehicles:
+        assert [isinstance(order, HoldOrder) for _, order in vehicle.commands].count(True) == 1, "once"
         assert isinstance(vehicle.commands[-1][1], HoldOrder)
     assert [flown.world.platform(unit).ports.pilot.mission.name for unit in "01"] == ["", ""]
     again = flown.begin(ONE, mission="m2")
@@ -128,6 +129,7 @@ def test_an_autopilot_that_refuses_to_take_off_is_a_failure_in_its_words() -> No
     flown.fault("refuse=4")
     mission = flown.begin()
     flown.until(mission, "autopilot: failed", within_s=60)
+    assert any("autopilot: failed" in text for text in told(mission))
 
 
 # -- degrees ---------------------------------------------------------------------------------------------------------

@@ -55,4 +55,4 @@ def _check_process(linkage: ObjectLinkage, process: LinkProcess) -> None:
         assert not candidates.is_decided
         assert abs(sum(candidates.of(each).weight for each in (candidates.chosen, *candidates.others())) - 1.0) < 1e-6
         for other in candidates.others():
-            assert targets.get(other) is None or targets[other] is candidates.of(other).target
+            assert targets.get(other) is candidates.of(other).target, "a candidate is a live object"

@@ -9,6 +9,7 @@ from anchoring.links.states import ObjectState, diagonal
 from anchoring.links.structures import ObjectLinkage, Percept
 from anchoring.ready import NEAR, NEW, VISION, WORLD, ready_specification
 from kpl import parse_formula
+from tests.anchoring.links import invariants
 
 CONVOY = CompositeSpecification(
     WORLD, "convoy",
@@ -150,3 +151,23 @@ def test_composites_whose_parts_may_be_anywhere_or_that_are_linked_are_refused()
         Road(CompositeSpecification(WORLD, "convoy", parse_formula("speed[from] < 3")))
     with pytest.raises(ValueError, match="no link leads to them"):
         ObjectLinkage([*ready_specification(), CONVOY, LinkSpecification(VISION, "convoy", NEW, NEAR)])
+
+
+def test_a_part_that_comes_again_under_its_name_is_another_part() -> None:
+    """Percepts that are silent for longer than they may be end and begin in the same tick."""
+    near = parse_formula("xy_dist[from, to] < 30")
+    pair = CompositeSpecification(VISION, "convoy", near, near)
+    linkage, made = ObjectLinkage([*ready_specification(), pair], silence_us=150_000), list[tuple[int, str]]()
+    for t_us in (0, 100_000, 300_000, 400_000):
+        percepts = [
+            Percept(name, VISION, ObjectState(t_us, x_m, 0.0, 0.0, 0.0, diagonal(0.3)))
+            for name, x_m in (("a", 0.0), ("b", 10.0))
+        ]
+        outcome = linkage.on_percepts(t_us, percepts)
+        invariants.check(linkage, outcome)
+        made += [
+            (t_us, each.target)
+            for each in outcome.events
+            if each.target_type == "convoy" and each.kind == "established"
+        ]
+    assert made == [(0, "convoy1"), (0, "convoy1"), (300_000, "convoy2"), (300_000, "convoy2")]

@@ -9,7 +9,7 @@ from hypothesis import strategies as st
 
 from anchoring.links.deciding.wanted import WantedObject
 from anchoring.links.objects import LinkObject
-from anchoring.links.specification import LinkSpecification
+from anchoring.links.specification import LinkSpecification, unlikelihood
 from anchoring.links.states import NO_ATTRIBUTES, ObjectState, diagonal
 from anchoring.links.structures import ObjectLinkage, Percept
 from anchoring.ready import NEAR, NEW, VISION, WORLD
@@ -17,6 +17,7 @@ from dyknow import NO_VALUE
 from kpl import parse_formula
 from reasoning import make_progression
 from reasoning.formulas.tree import Eventually
+from tests.anchoring.links import invariants
 
 COLOURS = ("red", "green", "blue", "white")
 KINDS = ("car", "truck", "van")
@@ -162,6 +163,53 @@ def test_what_is_only_expected_somewhere_is_not_in_view() -> None:
     assert not found.anchored("w")
     found.on_percepts(4_000_000, [seen(4000, "two", 0.0)])
     assert found.anchored("w")
+
+
+def test_what_is_found_again_under_a_symbol_is_no_candidate_that_was_forgotten_under_it() -> None:
+    """Which of two a percept of another sensor shows stays open until one of them is forgotten, and comes again."""
+    thermal = "thermal-percept"
+    soon = parse_formula("eventually [300, oo] true")
+    links = [
+        LinkSpecification(of, WORLD, soon, NEAR, score=unlikelihood, candidates=2, forget_us=5_000_000)
+        for of in (VISION, thermal)
+    ]
+    found = ObjectLinkage(links)
+    found.want("w", WORLD, {"colour": "red"})
+    for t in range(0, 8_200, 200):
+        shown = [seen(t, "one", 0.0, colour="red"), seen(t, "two", 1.0)] if t < 1000 else []
+        if t >= 1200:
+            shown.append(Percept("warm", thermal, ObjectState(t * 1000, 0.6, 0.0, 0.0, 0.0, diagonal(8.0))))
+        if t == 1200:
+            shown += [Percept(name, VISION, None) for name in ("one", "two")]
+        if t == 2000:
+            (process,) = (each for each in found.into[WORLD] if each.specification.source == thermal)
+            assert process.candidates["warm"].others() == ("w",)
+        if t == 8000:
+            assert found.find("w") is None
+            assert not process.candidates
+            shown.append(seen(t, "three", 30.0, colour="red"))
+        invariants.check(found, found.on_percepts(t * 1000, shown))
+    assert [link.source.symbol for link in found.objects(WORLD)["w"].incoming.values()] == ["three"]
+    assert [link.source.symbol for link in found.objects(WORLD)["wo1"].incoming.values()] == ["warm"]
+
+
+def test_what_an_object_has_shown_is_not_shown_by_the_next_one_of_its_symbol() -> None:
+    """Half of what is described was seen of one that has another symbol since, the other half of one that has its own."""
+    car = LinkSpecification(WORLD, "car", parse_formula("eventually [9000, oo] true"), NEAR)
+    found = ObjectLinkage([LinkSpecification(VISION, WORLD, NEW, NEAR), car])
+    found.want("w", WORLD, {"colour": "red"})
+    found.want("c", "car", parse_formula('eventually (lamp[from] = "left" and eventually lamp[from] = "right")'))
+    found.on_percepts(0, [seen(0, "one", 0.0, colour="red", lamp="left")])
+    found.unwant("w")
+    found.want("w", WORLD, {"colour": "blue"})
+    for t in (200, 400):
+        both = [seen(t, "one", 0.0, colour="red"), seen(t, "two", 50.0, colour="blue", lamp="right")]
+        found.on_percepts(t * 1000, both)
+        assert found.anchored("w")
+        assert not found.anchored("c")
+    found.on_percepts(600_000, [seen(600, "one", 0.0, lamp="right"), seen(600, "two", 50.0)])
+    (link,) = found.objects("car")["c"].incoming.values()
+    assert link.source.symbol == "wo1"
 
 
 def test_what_cannot_be_wanted_is_refused() -> None:

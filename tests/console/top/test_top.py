@@ -23,6 +23,8 @@ from tests.console.commands.recordings.encounter import encounter
 
 pytest.importorskip("textual")
 
+from textual.widgets import DataTable
+
 from console.top.screen import TopApp
 
 EVIL = "[red]\x1b]0;owned\x07[/red]\u202e[link=file:///etc]"
@@ -177,6 +179,14 @@ def test_words_of_others_are_text_on_the_screen() -> None:
             await pilot.pause()
 
     drive(lambda: TopSnapshot(EVIL, {"platforms": [row]}), steps)
+
+
+def test_a_tick_that_comes_while_the_screen_is_closed_draws_nothing() -> None:
+    async def steps(app: TopApp, pilot: Any) -> None:
+        await app.query_one(DataTable).remove()
+        app.look()
+
+    drive(lambda: TopSnapshot("none", {"platforms": []}), steps)
 
 
 def test_what_platforms_say_of_others_is_not_shown_and_what_is_kept_is_bounded(world: Box) -> None:

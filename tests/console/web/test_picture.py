@@ -124,6 +124,20 @@ def test_objects_stand_where_their_platform_says_that_metres_count_from() -> Non
     assert picture.base == [58.0, 15.0]
 
 
+def test_an_aircraft_that_is_no_member_stands_where_it_is_heard_and_goes_when_it_ends() -> None:
+    picture = Picture()
+    heard = {"symbol": "adsb-4ca123", "latitude_deg": 58.1, "longitude_deg": 15.2, "altitude_m": 130.0, "sd_m": 66.0}
+    heard |= {"vx_m_s": -60.0, "vy_m_s": 0.0, "callsign": "LN-OKA", "kind": "rotocraft", "end": False}
+    picture.take(1, kinds.SAMPLE, sample("0", "traffic", 1, **heard))
+    (row,) = picture.sections()["objects"].values()
+    shown = {key: row[key] for key in ("at", "altitude_m", "callsign", "kind", "vx_m_s")}
+    assert shown == {
+        "at": [58.1, 15.2], "altitude_m": 130.0, "callsign": "LN-OKA", "kind": "rotocraft", "vx_m_s": -60.0,
+    }  # fmt: skip
+    picture.take(2, kinds.SAMPLE, sample("0", "traffic", 2, symbol="adsb-4ca123", end=True))
+    assert picture.sections()["objects"] == {}
+
+
 def test_where_vehicles_will_fly_and_what_bounds_them_are_rows() -> None:
     picture = Picture()
     fence = {"name": EVIL, "centre": "58.0 15.0", "radius_m": 300.0, "highest_m": 120.0, "corners": ["58 15", "x"]}

@@ -1,6 +1,7 @@
 import random
 from itertools import pairwise
 
+import pytest
 from hypothesis import given
 from hypothesis import strategies as st
 
@@ -12,12 +13,37 @@ DELAYS = st.lists(st.integers(1_000, 400_000), min_size=30, max_size=120)
 
 @given(DELAYS)
 def test_valid_time_never_lies_after_the_arrival_and_errs_by_the_smallest_delay(delays) -> None:
-    clock, best_us = DeviceClock(), 400_000
+    clock = DeviceClock()
     for k, delay_us in enumerate(delays):
         device_us = k * 100_000
-        best_us = min(best_us, delay_us)
         valid_us = clock.valid_us(device_us, BOOTED_US + device_us + delay_us)
-        assert valid_us == BOOTED_US + device_us + best_us
+        assert valid_us <= BOOTED_US + device_us + min(delays[max(0, k - 35) : k + 1]), "of the last seconds"
+        assert valid_us >= BOOTED_US + device_us + min(delays[: k + 1])
+
+
+@pytest.mark.parametrize("rate", [0.99, 0.992, 1.0, 1.008])
+@pytest.mark.parametrize("seed", range(5))
+def test_a_clock_that_runs_slow_or_fast_is_followed_by_its_rate(rate, seed) -> None:
+    """At 5 m/s 0.3 m are 60 ms."""
+    clock, rng, worst_us = DeviceClock(), random.Random(seed), 0
+    for k in range(1800):
+        device_us = k * 100_000
+        true_us = round(device_us / rate)
+        valid_us = clock.valid_us(device_us, BOOTED_US + true_us + rng.randint(1_000, 15_000))
+        worst_us = max(worst_us, abs(valid_us - BOOTED_US - true_us))
+        if k > 400:
+            assert abs(valid_us - BOOTED_US - true_us) < 25_000
+            assert abs(clock.rate - rate) < 0.0015
+    assert worst_us < 60_000
+
+
+def test_a_clock_that_stands_still_for_half_a_second_is_late_for_some_seconds_only() -> None:
+    clock, rng, late = DeviceClock(), random.Random(3), 0
+    for k in range(1200):
+        true_us = k * 100_000 + (500_000 if k >= 600 else 0)
+        valid_us = clock.valid_us(k * 100_000, BOOTED_US + true_us + rng.randint(1_000, 5_000))
+        late += abs(valid_us - BOOTED_US - true_us) > 60_000
+    assert late <= 45, "four seconds of ten samples"
 
 
 def test_a_drifting_crystal_is_followed() -> None:

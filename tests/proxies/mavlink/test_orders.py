@@ -20,8 +20,9 @@ from navigation.vehicle import (
     TakeOffOrder,
     stopping_distance_m,
 )
-from proxies.mavlink.orders import ATTEMPTS, OURSELVES, RETRY_US, Errands, Target, ways_of
+from proxies.mavlink.orders import ATTEMPTS, RETRY_US, Errands
 from proxies.mavlink.reports import VehicleReports
+from proxies.mavlink.ways import OURSELVES, Target, ways_of
 from tests.proxies.vehicle import heartbeat, position
 
 TARGET = Target(5, 1)
@@ -46,6 +47,18 @@ def messages_for(order, known, target):
 
 def ack(command: int, result: int, to: Target = OURSELVES):
     return mavlink.MAVLink_command_ack_message(command, result, 0, 0, *to)
+
+
+def test_the_second_acknowledgement_of_a_px4_does_not_answer_the_next_change_of_mode() -> None:
+    """Two orders in one millisecond, the first accepted, the second denied, each acknowledged twice."""
+    errands, known = Errands(), heard(autopilot=PX4)
+    errands.on_command(Command(1, SetGuided()), known, TARGET, 0)
+    errands.on_command(Command(2, ResumeMissionOrder()), known, TARGET, 0)
+    results = []
+    for result in (mavlink.MAV_RESULT_ACCEPTED, mavlink.MAV_RESULT_DENIED):
+        for _ in range(2):
+            results += errands.on_ack(ack(176, result), 10_000).results
+    assert [(each.number, each.accepted) for each in results] == [(2, False)], "the first was superseded"
 
 
 @pytest.mark.parametrize(
@@ -79,7 +92,9 @@ def test_a_px4_is_guided_in_hold_and_may_be_moved_into_it() -> None:
     assert (mode.param1, mode.param2, mode.param3) == (1.0, 4.0, 3.0)
     (point,) = messages_for(GoToOrder(47.0, 8.0, 500.0, 4.0), heard(autopilot=PX4), TARGET)
     assert (point.param1, point.param2) == (4.0, 1.0)
-    assert messages_for(HoldOrder(), heard(autopilot=PX4), TARGET)[0].command == mode.command
+    (stop,) = messages_for(HoldOrder(), heard(autopilot=PX4), TARGET)
+    assert (stop.command, stop.param1, stop.param2) == (mavlink.MAV_CMD_DO_REPOSITION, -1.0, 1.0)
+    assert all(map(math.isnan, (stop.param4, stop.param5, stop.param6, stop.param7))), "it is to stop where it can"
 
 
 def test_an_ardupilot_holds_where_it_is_and_only_where_that_is_known() -> None:

@@ -39,6 +39,7 @@ class Joined:
             self.posted.put,
             lambda: time.time_ns() // 1000,
             commands=commands,
+            takes_positions=self.feed.takes_positions,
         )
         self.port.forwards += (self.forwarder.on_frame,)
         self.forwarder.start()
@@ -155,6 +156,42 @@ def test_that_no_station_is_there_is_told_once() -> None:
         f"nothing at {joined.forwarder.to} takes what is forwarded: Connection refused"
     ]
     joined.close()
+
+
+def test_a_target_of_the_station_is_no_hands_and_a_change_of_its_mode_is(joined: Joined) -> None:
+    """The vehicle is an ArduCopter: 4 is GUIDED, 5 LOITER."""
+    joined.until(joined.station.recv_msg)
+    mav = joined.station.mav
+
+    def hands(send: Callable[[], None]) -> bool:
+        def orders() -> list[StationReport]:
+            return [each for each in joined.news() if "has commanded" in each.text]
+
+        passed, before = joined.forwarder.counts["passed back"], len(orders())
+        joined.forwarder._told_s = 0.0
+        send()
+        joined.until(lambda: joined.forwarder.counts["passed back"] > passed)
+        (told,) = orders()[before:]
+        return told.commands
+
+    def long(number: int, *params: float) -> Callable[[], None]:
+        return lambda: mav.command_long_send(1, 1, number, 0, *params, *(0.0,) * (7 - len(params)))
+
+    place = (580000000, 150000000)
+    assert not hands(long(mavlink.MAV_CMD_COMPONENT_ARM_DISARM, 1.0))
+    assert not hands(
+        lambda: mav.command_int_send(1, 1, 0, mavlink.MAV_CMD_DO_REPOSITION, 0, 0, -1, 0, 0, 0, *place, 90.0)
+    )
+    assert not hands(
+        lambda: mav.set_position_target_global_int_send(0, 1, 1, 6, 0b110111111000, *place, 50.0, *(0.0,) * 8)
+    )
+    assert not hands(long(mavlink.MAV_CMD_DO_SET_MODE, 1.0, 4.0))
+    assert not hands(lambda: mav.set_mode_send(1, 1, 4))
+    assert hands(long(mavlink.MAV_CMD_DO_SET_MODE, 1.0, 5.0))
+    assert hands(long(mavlink.MAV_CMD_DO_SET_MODE, 1.0, float("nan")))
+    assert hands(lambda: mav.set_mode_send(1, 1, 5))
+    assert hands(long(mavlink.MAV_CMD_NAV_RETURN_TO_LAUNCH))
+    assert hands(lambda: mav.rc_channels_override_send(1, 1, *(1500,) * 8))
 
 
 def frame(message: Any, version: int = 2) -> Any:

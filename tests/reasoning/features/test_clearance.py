@@ -24,6 +24,14 @@ def test_beyond_the_distances_and_times_of_a_formula_it_holds():
     assert of("always (xy_dist[0, 1] > -5)") == (1.0, 0.0)
 
 
+def test_well_clear_holds_beyond_its_distance_and_the_way_of_its_modified_tau():
+    assert of("always well_clear[0, 1] = 1") == (13.0, 6.0)
+    assert of("always time_to_violation[0, 1] > 30s") == (13.0, 36.0)
+    assert of("always time_to_violation[0, 1] >= 300s") is None, "no time is longer than 180 s"
+    crewed = builtin_profiles()["well-clear-crewed"]
+    assert clearance(FORMULAS["well-clear-crewed"], crewed.volume) == (pytest.approx(610.6), 60.0)
+
+
 @pytest.mark.parametrize(
     "text",
     [
@@ -61,9 +69,9 @@ INPUTS = {
 @given(st.data(), st.sampled_from(sorted(name for name, one in FORMULAS.items() if clearance(one) is not None)))
 def test_a_pair_that_is_beyond_violates_nothing_and_lacks_nothing(data, name):
     formula, profile = FORMULAS[name], builtin_profiles()[name]
-    derivation = Derivation(required_labels(formula), profile.vertical)
+    derivation = Derivation(required_labels(formula), profile.vertical, volume=profile.volume)
     state = tuple(data.draw(INPUTS[each.label]) for each in derivation.inputs)
-    if derivation.beyond(clearance(formula))(state):
+    if derivation.beyond(clearance(formula, profile.volume))(state):
         one = Monitor(name, formula, ("0", "1"), 100_000, 500_000, inputs=derivation.input_names)
         assert one.on_state(0, 0, derivation.values(state), lacks=derivation.lacks(state)) == []
         assert one.shows == "ok"

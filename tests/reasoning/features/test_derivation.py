@@ -5,6 +5,7 @@ import pytest
 from dyknow.model.errors import UnknownLabel
 from dyknow.model.values import NO_VALUE
 from reasoning import FEATURES, Derivation, FeatureInput, needed_labels
+from reasoning.features.well_clear import Thresholds
 
 HERE, THERE = (58.4, 15.67), (58.4009, 15.67)  # 100 m north
 WORLD = {
@@ -62,6 +63,18 @@ def test_closing_is_distance_times_closing_speed():
     found = derive("closing_xy[0, 1]", "hmd[0, 1]", "xy_dist[0, 1]")
     assert found["closing_xy[0, 1]"] == pytest.approx(10 * found["xy_dist[0, 1]"])
     assert found["hmd[0, 1]"] == pytest.approx(0.0, abs=1e-6)
+
+
+def test_well_clear_is_one_or_zero_and_the_time_to_its_violation_a_duration():
+    found = derive("well_clear[0, 1]", "time_to_violation[0, 1]")
+    assert found["well_clear[0, 1]"] == 1.0
+    assert found["time_to_violation[0, 1]"] == pytest.approx(3_794_000, abs=5_000)  # modified tau is 6 s then
+    apart = {**WORLD, "heli-velocity[1]": (5.0, 0.0, 0.0)}
+    assert derive("time_to_violation[0, 1]", world=apart)["time_to_violation[0, 1]"] == 180_000_000
+    wide = derive("well_clear[0, 1]", "time_to_violation[0, 1]", volume=Thresholds(150.0, 8.0))
+    assert wide == {"well_clear[0, 1]": 0.0, "time_to_violation[0, 1]": 0.0}
+    lost = {**WORLD, "heli-velocity[1]": (math.nan, 0.0, 0.0)}
+    assert derive("well_clear[0, 1]", world=lost) == {"well_clear[0, 1]": NO_VALUE}
 
 
 def test_features_of_one_unit():

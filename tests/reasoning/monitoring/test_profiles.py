@@ -3,6 +3,7 @@ import pytest
 from dyknow.model.errors import TextError
 from kpl import print_formula, profile_formula, read_formula, unit_vocabulary
 from reasoning import Derivation, Monitor, builtin_profiles, instantiate, parse_profiles, required_labels, split_growing
+from reasoning.monitoring.profiles import AIRCRAFT
 
 SEMANTICS = {
     "proximity": "always forall other in units - {self} growing: xy_dist[self, other] >= 15.0 or z_dist[self, other] >= 10.0",
@@ -23,7 +24,7 @@ def pair_monitor(name):
     profile = builtin_profiles()[name]
     variable, _, body = split_growing(profile_formula(profile, "0"))
     formula = instantiate(body, variable, "1")
-    derivation = Derivation(required_labels(formula), profile.vertical)
+    derivation = Derivation(required_labels(formula), profile.vertical, volume=profile.volume)
     one = Monitor(name, formula, ("0", "1"), profile.sample_us, profile.max_delay_us, inputs=derivation.input_names)
     return one, derivation
 
@@ -57,7 +58,7 @@ def test_every_profile_reads_and_its_features_can_be_derived(name):
     if split is not None:
         variable, domain, body = split
         assert print_formula(body).startswith("always ")
-        assert (domain.base, domain.minus) == ("units", (("0",),))
+        assert (domain.base, domain.minus) in {("units", (("0",),)), (AIRCRAFT, ())}
         formula = instantiate(body, variable, "1")
     derivation = Derivation(required_labels(formula), profile.vertical, profile.fence)
     assert {one.label for one in derivation.inputs} == set(profile.labels)
@@ -87,6 +88,18 @@ def test_every_profile_reads_and_its_features_can_be_derived(name):
         ("do365-en-route", {"north_m": 4_000.0, "closing_m_s": 110.0}, True),  # modified tau 33 s
         ("do365-en-route", {"north_m": 4_000.0, "closing_m_s": 100.0}, False),  # modified tau 36 s
         ("do365-en-route", {"north_m": 4_000.0, "closing_m_s": 110.0, "up_m": 140.0}, False),
+        ("well-clear", {"north_m": 11.0}, True),
+        ("well-clear", {"north_m": 13.0}, False),
+        ("well-clear", {"north_m": 11.0, "up_m": 8.5}, False),
+        ("well-clear", {"north_m": 62.0, "closing_m_s": 10.0}, True),  # modified tau 5.97 s
+        ("well-clear", {"north_m": 63.0, "closing_m_s": 10.0}, False),  # modified tau 6.07 s
+        ("well-clear", {"north_m": 40.0, "closing_m_s": -10.0}, False),
+        ("well-clear-ahead", {"north_m": 360.0, "closing_m_s": 10.0}, True),  # in 29.8 s
+        ("well-clear-ahead", {"north_m": 370.0, "closing_m_s": 10.0}, False),
+        ("well-clear-crewed", {"north_m": 600.0, "up_m": 70.0}, True),
+        ("well-clear-crewed", {"north_m": 600.0, "up_m": 80.0}, False),
+        ("well-clear-crewed", {"north_m": 3_600.0, "closing_m_s": 51.0}, True),  # in 58.6 s
+        ("well-clear-crewed", {"north_m": 3_600.0, "closing_m_s": 49.0}, False),
         ("ardupilot-avoidance", {"north_m": 600.0, "closing_m_s": 20.1}, True),
         ("ardupilot-avoidance", {"north_m": 600.0, "closing_m_s": 19.0}, False),
     ],
@@ -155,3 +168,14 @@ def test_a_person_can_define_a_profile():
 def test_a_profile_that_is_wrong_says_where(old, new, message):
     with pytest.raises(TextError, match=message.replace("[", r"\[")):
         parse_profiles(FENCE.replace(old, new), "mine.toml")
+
+
+def test_the_volume_of_well_clear_is_made_of_thresholds_by_their_names():
+    text = """
+    [mine]
+    formula = "always forall other in units - {self} growing: well_clear[self, other] = 1"
+    sample = "100ms"
+    max_delay = "500ms"
+    thresholds = { DMOD = 30, TAUMOD_S = "4s" }
+    """
+    assert parse_profiles(text)["mine"].volume == (30.0, 8.0, 4.0, 6.0)

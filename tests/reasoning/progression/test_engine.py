@@ -58,6 +58,20 @@ def test_every_way_gives_every_verdict_at_the_same_state(formula, states, period
         assert verdicts(formula, states, way, period_us, no_value) == plain, way
 
 
+@given(formulas, traces(gaps=True, missing=True), traces(gaps=True, missing=True), st.sampled_from(WAYS), POLICIES)
+@MODERATE
+def test_several_of_one_formula_go_on_as_each_would_alone(formula, one, other, way, no_value):
+    first = make_progression(formula, None, no_value, way)
+    for states in (one, other, one):
+        again, alone = first.again(), make_progression(formula, None, no_value, way)
+        for at_us, values in states:
+            again.progress(at_us, values, DOMAINS)
+            alone.progress(at_us, values, DOMAINS)
+            assert (again.verdict, again.way, again.kept) == (alone.verdict, alone.way, alone.kept)
+        assert again.explain() == alone.explain()
+    assert first.valid_us is None
+
+
 def test_the_engine_takes_the_automaton_with_a_period_and_deadlines_without():
     assert make_progression(WITHIN_A_SECOND, UNIT_US).way == "object"
     assert make_progression(WITHIN_A_SECOND).way == "deadlines"

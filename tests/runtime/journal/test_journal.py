@@ -5,6 +5,7 @@ import subprocess
 import sys
 import threading
 from dataclasses import dataclass, field
+from enum import Enum
 from pathlib import Path
 from types import UnionType
 from typing import Any, get_args, get_origin, get_type_hints
@@ -14,13 +15,14 @@ from hypothesis import given
 from hypothesis import strategies as st
 from mcap.reader import make_reader
 
-from agents.effects import HostEvent, LeaveRequested, Reported
+from agents.effects import Event, HostEvent, LeaveRequested, Reported
 from dyknow.model.errors import DecodeError
 from dyknow.model.instants import LATEST_US
 from dyknow.model.sample import Sample
 from dyknow.model.values import NO_VALUE
 from federation.transport import Arrived, AskEnded, Put, TokenChanged, Urgency, WireEvent
 from navigation.vehicle import PositionReport, Report, StatusReport
+from proxies.recordings import journal_file
 from proxies.recordings.journal_file import Lost, Stepped, decode_event, encode_event, read_about, read_journal
 from runtime.journal import journal as journal_module
 from runtime.journal.journal import Journal, Journalled, replayed
@@ -50,6 +52,8 @@ def of(hint: Any, name: str = "") -> st.SearchStrategy[Any]:
         return st.one_of(of(each, name) for each in get_args(hint))
     if hint is type(None):
         return st.none()
+    if isinstance(hint, type) and issubclass(hint, Enum):
+        return st.sampled_from(list(hint))
     return FIELDS[hint] if hint in FIELDS else made(hint)
 
 
@@ -227,7 +231,7 @@ def test_a_damaged_event_is_a_decode_error_or_another_value(event: object, draw:
         other = decode_event(data[:cut] + changed + data[cut + 1 :])
     except DecodeError:
         return
-    assert repr(other) != repr(event)
+    assert repr(other) != repr(event) or "nan" in repr(event)  # bits of what is no number are not told apart
 
 
 def test_closing_twice_is_closing_once(tmp_path: Path) -> None:
@@ -238,3 +242,22 @@ def test_closing_twice_is_closing_once(tmp_path: Path) -> None:
     assert list(read_journal(tmp_path / "0.mcap")) == [
         Stepped(1, Reported(1, StatusReport(1, True, True, None, "GUIDED")))
     ]
+
+
+def parts_of(hint: Any) -> set[type]:
+    """The named tuples and enumerations that a value of this type may have in it."""
+    if get_args(hint):
+        return set[type]().union(*(parts_of(each) for each in get_args(hint)))
+    is_part = isinstance(hint, type) and (hasattr(hint, "_fields") or issubclass(hint, Enum))
+    if not is_part or hint in SEEN:
+        return set()
+    SEEN.add(hint)
+    return {hint}.union(*(parts_of(each) for each in get_type_hints(hint).values()))
+
+
+SEEN: set[type] = set()
+
+
+def test_the_format_knows_each_type_that_an_event_may_have_in_it() -> None:
+    known = {*journal_file._KINDS.values(), *journal_file._WORDS.values()}
+    assert {kind.__name__ for kind in parts_of(Event) - known} <= {"NoValue"}

@@ -135,6 +135,21 @@ def test_objects_are_where_the_origin_puts_them_until_they_end() -> None:
     assert not taken._tracks
 
 
+def test_an_aircraft_that_is_no_member_is_one_thing_whatever_platforms_hear_it() -> None:
+    given: list[ThingState] = []
+    taken = tracks(given)
+    heard = {"symbol": "adsb-4ca123", "latitude_deg": 58.2, "longitude_deg": 15.1, "altitude_m": 130.0, "sd_m": 66.0}
+    heard |= {"vx_m_s": -60.0, "vy_m_s": 10.0, "vz_m_s": None}
+    taken.add("", SAMPLE, sample("traffic", heard, 9_900_000, "0"), 0)
+    taken.add("", SAMPLE, sample("traffic", {**heard, "vz_m_s": 1.0}, 9_950_000, "1"), 0)
+    taken.on_time()
+    (one,) = given
+    assert (one.latitude_deg, one.longitude_deg, one.horizontal_sd_m) == (58.2, 15.1, 33.0)
+    assert (one.part("heli-altitude"), one.part("heli-velocity")) == ((130.0,), (10.0, -60.0, 1.0))
+    taken.add("", SAMPLE, sample("traffic", {**heard, "latitude_deg": 91.0}, 9_960_000), 0)
+    assert taken.refused == 1
+
+
 @pytest.mark.parametrize(
     ("label", "value", "valid_us"),
     [
