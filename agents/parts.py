@@ -45,7 +45,6 @@ from agents.exchange.silent_imports import SilentImports
 from agents.exchange.stream_queries import StreamQueries
 from agents.exchange.subscription_keeper import SubscriptionKeeper
 from agents.flight.flight import Faults, FlightAgent
-from agents.flight.giving_way import GivingWay
 from agents.flight.pilot import Pilot
 from agents.flight.vehicle_streams import VehicleStreams, WinchStream
 from agents.interface import InterfaceAgent
@@ -63,6 +62,8 @@ from agents.monitoring.recognitions import Recognitions
 from agents.monitoring.unit_monitoring import UnitMonitoring
 from agents.part import Part, PeerChange
 from agents.saliency.saliency import Saliency
+from agents.separation.giving_way import GivingWay
+from agents.separation.neighbourhood import Neighbourhood
 from agents.shedding import Shedding
 from agents.specification.declared_streams import DeclaredStreams
 from agents.specification.learning import Learning
@@ -96,7 +97,7 @@ T = TypeVar("T", bound=Part)
 PARTS: tuple[type[Part], ...] = (
     Authority, CommandWatch, Cameras, WinchStream, CameraAttention, Traffic, FlightAgent, Performing, MissionLeading, MissionProposals, MissionRelay, MissionSuccession, Following, RecoveringAnchors, Faults, Shedding, LocalInstance, FederationAgent, PeerMotion, ImportProxy, LabelAgreements, SubscriptionKeeper, SilentImports, Bids, Calls, AreaAssignment, AreaDivision, Scanning,
     Admission, PlatformTrust, UnitMonitoring,
-    AlarmLog, Coordination, TaskLife, GivingWay, MonitorQueries, Checks, Recognitions, StreamQueries, SpecificationPart,
+    AlarmLog, Coordination, TaskLife, Neighbourhood, GivingWay, MonitorQueries, Checks, Recognitions, StreamQueries, SpecificationPart,
     SpecificationChanges, ObjectQueries, Learning, Wanting, Cooperation, Handover, Saliency, MessageLog, DirectoryAgent,
 )  # fmt: skip
 """The classes of all parts there are, in their order; which of them a platform has, `Ports.kinds` decides."""
@@ -296,6 +297,15 @@ class Ports:
 
         config = self.config
         return Pilot(config.control, config.plan, config.limits, config.missions, clock, self.note)
+
+    @property
+    def has_vehicle(self) -> bool:
+        return self.config.vehicle
+
+    @property
+    def on_moved(self) -> Callable[[int], None]:
+        """Called with the node clock after each estimate of where the vehicle is."""
+        return lambda at_us: self.part(GivingWay).on_moved(at_us)
 
     @property
     def profiles(self) -> Mapping[str, Profile]:

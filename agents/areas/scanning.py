@@ -14,8 +14,8 @@ import numpy as np
 from agents.areas.assignment import AreaAssignment, AssignedPiece
 from agents.cameras.cameras import VIEW
 from agents.config import PlatformConfig
-from agents.cooperation.partners import Partners
 from agents.exchange.local_instance import LocalInstance
+from agents.exchange.partners import Partners
 from agents.exchange.subscription_keeper import SubscriptionKeeper
 from agents.flight.pilot import Pilot
 from agents.missions.command_run import VehicleCommand

@@ -242,7 +242,7 @@ class CommandedVehicle(HeardVehicle):
         )
 
     @property
-    def _keeps_plan(self) -> bool:
+    def keeps_plan(self) -> bool:
         """Whether the vehicle is where its plan has it, also when that is over."""
         return self.plan is not None and not self._rests
 

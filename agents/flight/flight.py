@@ -9,7 +9,6 @@ from agents.effects import Effect, InjectFault, Reported
 from agents.exchange.local_instance import LocalInstance
 from agents.flight.arbiter import Commander, in_words
 from agents.flight.errand import Errand
-from agents.flight.giving_way import GivingWay
 from agents.flight.pilot import Pilot
 from agents.flight.places import Waypoint, fences_of, place_text
 from agents.flight.vehicle_streams import VehicleStreams
@@ -49,8 +48,8 @@ class FlightAgent(Part):
 
     Args:
         streams: made of its reports.
-        giving_way: looks at where the vehicle is after each estimate.
         local: the part whose deadline samples may move.
+        on_moved: called after each estimate of where the vehicle is.
         emit: takes commands to the vehicle.
         note: takes what is heard of the vehicle, or why it is not heard.
         offer: called when its condition changes.
@@ -76,8 +75,8 @@ class FlightAgent(Part):
         clock: FederationClock,
         pilot: Pilot,
         streams: VehicleStreams,
-        giving_way: GivingWay,
         local: LocalInstance,
+        on_moved: Callable[[int], None],
         emit: Callable[[Command], None],
         note: Callable[[str], None],
         offer: Callable[[int], None],
@@ -90,7 +89,7 @@ class FlightAgent(Part):
         self._contain = contain
         self._profiles, self._frame, self._conditions = profiles, camera_frame, conditions
         self._agent, self._clock, self.pilot, self.streams, self._emit = agent, clock, pilot, streams, emit
-        self._on_moved, self._note, self._offer = giving_way.on_moved, note, offer
+        self._on_moved, self._note, self._offer = on_moved, note, offer
         self._may_avoid = may_avoid
         self._link: ConditionEntry | None = None
         self._avoidance: ConditionEntry | None = None

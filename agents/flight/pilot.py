@@ -196,13 +196,13 @@ class Pilot(CommandedVehicle):
     def _doing(self) -> vehicle.Order | InterruptedMission | None:
         """What the vehicle does, to return to it; the plan needs no memory."""
         target, age_us = self.others_target(), self.targets.age_us(self.now_us)
-        if target is not None and age_us > HEARD_WITHIN_US and not self._keeps_plan:
+        if target is not None and age_us > HEARD_WITHIN_US and not self.keeps_plan:
             self.note(f"its target was heard {age_us / 1e6:.0f} s ago, and is taken to be the same still")
         if self.may_interrupt:
             return InterruptedMission(self._item, target)
         errand = self.errand
         taken = errand is not None and errand.order == self.standing and not errand.is_over
-        return self.standing if taken else None if self._keeps_plan else target
+        return self.standing if taken else None if self.keeps_plan else target
 
     def resume(self, raised_to_m: float | None = None, lowered_to_m: float | None = None) -> list[vehicle.Command]:
         """Fly on as before the diversion, not below the one or above the other while they are given.
@@ -220,7 +220,7 @@ class Pilot(CommandedVehicle):
             self._aside, self._moved = None, False
         if self._is_taken_over:
             return []
-        if self.plan is not None and self._keeps_plan and self.standing is None:
+        if self.plan is not None and self.keeps_plan and self.standing is None:
             if diversion is not None or bounded:
                 self.leg = min(self.leg, len(self.plan.waypoints) - 1)  # who had arrived returns to where it was
             return [] if self.fix is None else self._fly(self.fix.valid_us)

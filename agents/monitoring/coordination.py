@@ -30,7 +30,7 @@ from federation.members.liveness import PlatformGone
 from federation.members.offers import ServiceAppeared
 from federation.messages import contents
 from federation.messages.acts import Act, Performative
-from reasoning import NEITHER_CAN_AVOID, AlarmEvent
+from reasoning import OF_SEPARATION, AlarmEvent
 
 RETRY_US = 1_000_000
 """How long after a failure or silence a platform gets the next request for its part of a task."""
@@ -357,9 +357,10 @@ class Coordination(Part):
 
     # -- alarms ------------------------------------------------------------------------------------------------
 
-    def avoids(self, monitor: str = NEITHER_CAN_AVOID) -> bool:
-        """Whether some task here wants platforms to give way, when `monitor` raises an alarm."""
-        return any(led.avoidance and _watches(led, monitor) for led in self._life.coordinated.values())
+    @property
+    def keeps_apart(self) -> bool:
+        """Whether some task here wants vehicles to give way."""
+        return any(led.keeps_apart for led in self._life.coordinated.values())
 
     def on_alarm(self, event: AlarmEvent, now_us: int) -> None:
         """Notify the delegator, through the coordinator, and the other platform that the alarm is about."""
@@ -403,7 +404,7 @@ class Coordination(Part):
     def report(self, step: str, now_us: int) -> None:
         """Tell the delegators what became of giving way here."""
         for led in self._life.coordinated.values():
-            if led.avoidance:
+            if led.keeps_apart:
                 self._pass_on(led, contents.Progress(step=step[:200], unit=self._unit), now_us)
 
     def _pass_on(self, led: CoordinatedTask, content: contents.Content, now_us: int) -> None:
@@ -413,7 +414,7 @@ class Coordination(Part):
 
 
 def _watches(led: CoordinatedTask, monitor: str) -> bool:
-    return led.avoidance if monitor == NEITHER_CAN_AVOID else any(plan.name == monitor for plan in led.plans)
+    return led.keeps_apart if monitor in OF_SEPARATION else any(plan.name == monitor for plan in led.plans)
 
 
 def _us(seconds: float | None) -> int | None:

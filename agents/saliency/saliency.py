@@ -11,9 +11,9 @@ from typing import Final
 
 from agents.actions import FEDERATION, QUERIED, Action, Offer, Role
 from agents.config import PlatformConfig
-from agents.cooperation.partners import Partners
 from agents.exchange.label_agreements import LabelAgreements
 from agents.exchange.local_instance import LocalInstance
+from agents.exchange.partners import Partners
 from agents.exchange.subscription_keeper import SubscriptionKeeper
 from agents.interface import InterfaceAgent
 from agents.part import Part, PeerChange

@@ -93,7 +93,7 @@ class CoordinatedTask:
         return self.evidence.delegate
 
     @property
-    def avoidance(self) -> bool:
+    def keeps_apart(self) -> bool:
         """Whether platforms are to give way."""
         content = self.evidence.content
         return not isinstance(content, MonitorProximity) or content.avoidance is not False

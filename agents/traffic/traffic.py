@@ -9,10 +9,10 @@ from collections import Counter
 from collections.abc import Callable, Iterable, Mapping
 from typing import Final
 
-from agents.cooperation.partners import Partners
 from agents.effects import Reported
 from agents.exchange.label_agreements import LabelAgreements
 from agents.exchange.local_instance import LocalInstance
+from agents.exchange.partners import Partners
 from agents.exchange.subscription_keeper import SubscriptionKeeper
 from agents.flight.pilot import Pilot
 from agents.part import NOT_MINE, Followed, Part, PeerChange

@@ -21,6 +21,9 @@ LONGEST_WAIT: Final = 10_000
 
 NEITHER_CAN_AVOID: Final = "neither-can-avoid"
 """The alarm, of no monitor, that neither of two aircraft that make for each other avoids the other."""
+SILENT_IN_THE_AIR: Final = "silent-in-the-air"
+"""The alarm, of no monitor, that a vehicle was in the air when it was heard last, and is not heard any more."""
+OF_SEPARATION: Final = frozenset({NEITHER_CAN_AVOID, SILENT_IN_THE_AIR})
 
 
 class AlarmEvent(NamedTuple):

@@ -16,7 +16,6 @@ from federation.messages.contents.parts import (
     Metres,
     Number,
     Timeout,
-    Unit,
     Units,
     Word,
 )
@@ -61,18 +60,15 @@ class Resume(Content):
 
 
 class Avoid(Content):
-    """Propose a manoeuvre: due to `alarm`, `climber` climbs by `climb_m` and the other of `units` holds.
+    """Propose a manoeuvre to another vehicle that one meets; `units` are the two.
 
-    `level` is what the sender does for another already: climb, hold or descend.
+    `legs` is where the sender flies to keep apart, as the label `intent` writes it; without legs it stops.
     With `because` the sender does not avoid the other, for that reason, and asks it to do all of it.
     """
 
-    alarm: Line
-    climber: Unit
-    climb_m: Annotated[float, Field(ge=0, le=1000)] = Field(alias="climb_m")
     units: Units
+    legs: Line = ""
     because: Line | None = None
-    level: Word | None = None
 
 
 class Fault(Content):

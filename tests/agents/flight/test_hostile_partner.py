@@ -1,9 +1,9 @@
 """A member that proposes manoeuvres without an encounter: each is refused with a code, counted, and reported."""
 
 import pytest
-
 from agents.flight.evidence import fix_of
 from agents.flight.giving_way import GivingWay
+
 from federation.messages.acts import Performative
 from federation.messages.contents import Avoid, CreateMulticast, MonitorProximity, Progress
 from tests.box import EPOCH, METRE_DEG, Box, Vehicle

@@ -6,8 +6,9 @@ from math import cos, dist, radians, sin
 from random import Random
 from typing import Final, NamedTuple
 
-from agents.config import PlatformConfig
 from agents.flight.giving_way import GivingWay
+
+from agents.config import PlatformConfig
 from agents.flight.places import FlightPlan, Waypoint
 from federation.messages.contents import MonitorProximity
 from federation.messages.dialogue import Dialogue

@@ -1,0 +1,432 @@
+"""Who yields, and when: one rule for everybody, for two vehicles or ten, in every mode. Federation time; no I/O.
+
+Two meet when their tubes lose the minima within `LOOK_S`. Of two the later in the total order of right of way yields
+(`navigation.intents.intent.RightOfWay`, then the name). For each vehicle that we meet:
+
+    state      it is entered when                                            then
+    EXPECTED   the other is later, and can                                   it yields; what it commits is free of us: over
+    MINE       we are later; or the other cannot, has left it to us, or      we plan a way that is free of all others and of
+               has not shown anything for 2 s                                their contingencies, propose it, fly it
+    LEFT       we cannot: our mode, our limits, a refusal, nothing is free   the other is told, and is to take it
+    NEITHER    we cannot, and the other cannot either, or has refused it     the alarm, with the seconds that are left
+
+and of our own manoeuvre:
+
+    ASKED      those that we meet are asked, for half a second at most       all agree, or are silent: FLOWN; one refuses: again
+    FLOWN      it is commanded, place by place                               refused, overtaken, unseen: we cannot, for 5 s
+               our own way has been free of all others for half a second     over: we fly on
+"""
+
+from collections.abc import Iterable, Mapping
+from dataclasses import dataclass, field
+from enum import Enum
+from typing import Final, NamedTuple, TypeAlias
+
+import numpy as np
+
+from agents.separation.neighbours import Neighbour, Traffic3D
+from federation.members.directory import unit_order
+from navigation.intents.candidates import Allowed, PlannedManoeuvre, Yielding, plan, way_is_free
+from navigation.intents.intent import IntentEnding, RightOfWay
+from navigation.intents.meeting import MINIMA, clearance, closeness, first_meetings
+from navigation.intents.path import FlatMotion, FlatPlace, Performance, Tube, fly
+
+LOOK_S: Final = 12.0
+"""What is farther ahead is not acted on: until then much may change."""
+STEPS: Final = 81
+PATIENCE_US: Final = 2_000_000
+ASKS_US, URGENT_S = 500_000, 6.0
+AGAIN_US: Final = 1_000_000
+OVER_US: Final = 1_500_000
+LEAST_US, FREE_US = 1_500_000, 500_000
+CANNOT_US: Final = 5_000_000
+MOST_ASKED: Final = 2
+NOTHING_FREE: Final = "no way is free of all others within its limits"
+
+
+class MeetingState(Enum):
+    """What becomes of a meeting; see the module."""
+
+    EXPECTED = "the other yields"
+    MINE = "ours"
+    LEFT = "left to the other"
+    NEITHER = "neither can"
+
+
+class ManoeuvreState(Enum):
+    """How far our manoeuvre has come; see the module."""
+
+    ASKED = "asked"
+    FLOWN = "flown"
+
+
+class Propose(NamedTuple):
+    """Ask a unit whether the manoeuvre is free of what it flies."""
+
+    unit: str
+    manoeuvre: PlannedManoeuvre
+
+
+class Leave(NamedTuple):
+    """Tell a unit that we do not avoid it, and that it is to do so."""
+
+    unit: str
+    reason: str
+
+
+class Fly(NamedTuple):
+    """Command a place of the manoeuvre; None: stop. `is_new`: it is the first one."""
+
+    place: FlatPlace | None
+    is_new: bool
+    words: str
+    units: tuple[str, ...]
+
+
+class GoOn(NamedTuple):
+    """Fly the own way again."""
+
+    units: tuple[str, ...]
+
+
+class Neither(NamedTuple):
+    """Neither avoids the other; `seconds`: until they meet."""
+
+    unit: str
+    seconds: float
+    reasons: tuple[str, str]
+
+
+class Over(NamedTuple):
+    """We meet that unit no longer."""
+
+    unit: str
+
+
+Step: TypeAlias = Propose | Leave | Fly | GoOn | Neither | Over
+
+
+class Situation(NamedTuple):
+    """What one vehicle knows at a moment.
+
+    Attributes:
+        rank: its own right of way without a manoeuvre; cannot: why it may not be commanded, empty if it may.
+        motion, legs, ending, performance: its own, and what it would fly without others.
+        neighbours: by unit; traffic: their tubes from now on.
+        allowed: whether it may stand at a place.
+    """
+
+    now_us: int
+    rank: RightOfWay
+    cannot: str
+    motion: FlatMotion
+    legs: tuple[FlatPlace, ...]
+    ending: IntentEnding
+    performance: Performance
+    neighbours: Mapping[str, Neighbour]
+    traffic: Traffic3D
+    allowed: Allowed
+
+
+@dataclass(slots=True)
+class Meeting:
+    """A vehicle that we meet, or met a moment ago.
+
+    Attributes:
+        seconds: until the minima are lost, as it was seen last.
+        is_left: it has told us that it is ours; refused: why it does not take what we have left to it.
+        told: whether we have left it to it.
+    """
+
+    since_us: int
+    seconds: float
+    state: MeetingState = MeetingState.EXPECTED
+    seen_us: int = 0
+    is_left: bool = False
+    told: bool = False
+    refused: str = ""
+
+
+@dataclass(slots=True)
+class Manoeuvre:
+    """What we fly, or are about to.
+
+    Attributes:
+        units: those that it is for; awaited: those that were asked and have not answered.
+        at: which place is flown to.
+    """
+
+    planned: PlannedManoeuvre
+    units: set[str]
+    since_us: int
+    state: ManoeuvreState = ManoeuvreState.ASKED
+    awaited: set[str] = field(default_factory=set)
+    at: int = 0
+    free_since_us: int | None = None
+
+    @property
+    def places(self) -> tuple[FlatPlace, ...]:
+        """Those that are ahead."""
+        return self.planned.places[self.at :]
+
+
+class SeparationLogic:
+    """The rule, for one vehicle. Steps are to be carried out in their order.
+
+    Attributes:
+        meetings: by unit.
+        manoeuvre: what it flies to keep apart; None: its own way.
+        cannot: why its manoeuvres are not flown at the moment.
+    """
+
+    def __init__(self, unit: str) -> None:
+        self.unit = unit
+        self.meetings: dict[str, Meeting] = {}
+        self.manoeuvre: Manoeuvre | None = None
+        self.cannot = ""
+        self._cannot_until_us = 0
+        self._planned_us = -AGAIN_US
+        self._refusals = 0
+
+    # -- looking -----------------------------------------------------------------------------------------------
+
+    def look(self, now: Situation) -> list[Step]:
+        """Positions, intents or time have changed."""
+        if self.cannot and now.now_us >= self._cannot_until_us:
+            self.cannot = ""
+        steps = self._follow(now)
+        soon = self._soon(now, self.flown(now))
+        steps += self._meet(now, soon)
+        because = now.cannot or self.cannot
+        mine = {unit for unit in soon if self.meetings[unit].state is MeetingState.MINE}
+        if because:
+            steps += [step for unit in soon for step in self._leave(now, unit, because)]
+            if now.cannot and self.manoeuvre is not None:
+                self.manoeuvre = None
+            return steps
+        if mine:
+            steps += self._yield(now, mine)
+        elif self.manoeuvre is not None:
+            steps += self._return(now, self.manoeuvre)
+        return steps
+
+    def flown(self, now: Situation) -> Tube:
+        """What it flies now, from now on."""
+        manoeuvre = self.manoeuvre
+        if manoeuvre is not None and manoeuvre.state is ManoeuvreState.FLOWN:
+            return fly(now.motion, manoeuvre.places, IntentEnding.HOVER, now.performance, STEPS)
+        return fly(now.motion, now.legs, now.ending, now.performance, STEPS)
+
+    def _soon(self, now: Situation, tube: Tube) -> dict[str, float]:
+        """Those that it meets on that way, and in how many seconds; contingencies count of those that are silent."""
+        traffic, found = now.traffic, dict[str, float]()
+        if not traffic.units:
+            return found
+        seconds = first_meetings(closeness(tube, traffic.tubes, MINIMA))
+        for at in np.flatnonzero(seconds <= LOOK_S):
+            unit = traffic.units[at]
+            if traffic.is_nominal[at] or now.neighbours[unit].is_silent(now.now_us):
+                found[unit] = min(found.get(unit, np.inf), float(seconds[at]))
+        return found
+
+    def meets(self, now: Situation, unit: str) -> float:
+        """In how many seconds it meets that unit on its present way; infinite: not at all."""
+        return self._soon(now, self.flown(now)).get(unit, np.inf)
+
+    def _meet(self, now: Situation, soon: Mapping[str, float]) -> list[Step]:
+        steps: list[Step] = []
+        busy = self.manoeuvre.units if self.manoeuvre is not None else set[str]()
+        for unit, meeting in list(self.meetings.items()):
+            if unit not in soon and unit not in busy and now.now_us - meeting.seen_us > OVER_US:
+                del self.meetings[unit]
+                steps.append(Over(unit))
+        for unit, seconds in soon.items():
+            meeting = self.meetings.get(unit) or Meeting(now.now_us, seconds)
+            self.meetings[unit] = meeting
+            if now.now_us - meeting.seen_us > OVER_US:
+                meeting.since_us = now.now_us
+            meeting.seconds, meeting.seen_us = seconds, now.now_us
+            meeting.state = MeetingState.MINE if self._is_ours(now, unit, meeting) else MeetingState.EXPECTED
+        return steps
+
+    def _is_ours(self, now: Situation, unit: str, meeting: Meeting) -> bool:
+        other = now.neighbours[unit]
+        theirs = other.rank(now.now_us)
+        if theirs is RightOfWay.CANNOT or meeting.is_left:
+            return True
+        own = (
+            RightOfWay.COMMITTED
+            if self.manoeuvre is not None and self.manoeuvre.state is ManoeuvreState.FLOWN
+            else now.rank
+        )
+        if (own, unit_order(self.unit)) > (theirs, unit_order(unit)):
+            return True
+        return now.now_us - meeting.since_us >= PATIENCE_US
+
+    # -- yielding ----------------------------------------------------------------------------------------------
+
+    def _yield(self, now: Situation, mine: set[str]) -> list[Step]:
+        manoeuvre = self.manoeuvre
+        if manoeuvre is not None and manoeuvre.state is ManoeuvreState.ASKED:
+            return self._commit(now, manoeuvre)
+        if now.now_us < self._planned_us + AGAIN_US:
+            return []
+        self._planned_us = now.now_us
+        found = plan(self._yielding(now, everything=True))
+        seconds = min(self.meetings[unit].seconds for unit in mine)
+        if found is None or found.minima is None:
+            steps = [step for unit in sorted(mine) for step in self._leave(now, unit, NOTHING_FREE)]
+            if found is None or not self._is_better(now, found):
+                return steps
+            return [*steps, *self._begin(now, Manoeuvre(found, mine, now.now_us))]
+        made = Manoeuvre(found, mine | (manoeuvre.units if manoeuvre else set()), now.now_us)
+        asked = [
+            unit
+            for unit in sorted(mine)
+            if now.neighbours[unit].said and not now.neighbours[unit].is_silent(now.now_us)
+        ]
+        made.awaited = set(asked)
+        proposed: list[Step] = [Propose(unit, found) for unit in asked]
+        if not asked or seconds <= URGENT_S or self._refusals >= MOST_ASKED:
+            return [*proposed, *self._begin(now, made)]
+        self.manoeuvre = made
+        return proposed
+
+    def _yielding(self, now: Situation, *, everything: bool) -> Yielding:
+        """`everything`: contingencies of those that are heard, too."""
+        traffic = now.traffic
+        tubes = traffic.tubes
+        if not everything and traffic.units:
+            kept = [
+                nominal or now.neighbours[unit].is_silent(now.now_us)
+                for unit, nominal in zip(traffic.units, traffic.is_nominal, strict=True)
+            ]
+            tubes = tubes[np.array(kept)]
+        return Yielding(now.motion, now.legs, now.ending, now.performance, tubes, now.allowed)
+
+    def _is_better(self, now: Situation, found: PlannedManoeuvre) -> bool:
+        """Whether it keeps farther away than what is flown."""
+        steps = found.tube.shape[1]
+        others = now.traffic.tubes[:, :, :steps]
+        present = clearance(closeness(self.flown(now)[:, :steps], others, MINIMA))
+        return clearance(closeness(found.tube, others, MINIMA)) > present + 0.05
+
+    def _commit(self, now: Situation, manoeuvre: Manoeuvre) -> list[Step]:
+        """Fly what was proposed once all have agreed, or have been silent for long enough."""
+        seconds = min((self.meetings[unit].seconds for unit in manoeuvre.units if unit in self.meetings), default=0.0)
+        if manoeuvre.awaited and now.now_us < manoeuvre.since_us + ASKS_US and seconds > URGENT_S:
+            return []
+        return self._begin(now, manoeuvre)
+
+    def _begin(self, now: Situation, manoeuvre: Manoeuvre) -> list[Step]:
+        manoeuvre.state, manoeuvre.since_us, self.manoeuvre = ManoeuvreState.FLOWN, now.now_us, manoeuvre
+        self._refusals = 0
+        places = manoeuvre.planned.places
+        first = places[0] if places else None
+        return [Fly(first, True, manoeuvre.planned.words, tuple(sorted(manoeuvre.units)))]
+
+    def _follow(self, now: Situation) -> list[Step]:
+        """Command the next place when the vehicle is at one."""
+        manoeuvre = self.manoeuvre
+        if manoeuvre is None or manoeuvre.state is not ManoeuvreState.FLOWN or len(manoeuvre.places) < 2:
+            return []
+        motion, to = now.motion, manoeuvre.places[0]
+        away_m = float(np.hypot(to.north_m - motion.north_m, to.east_m - motion.east_m))
+        speed = float(np.hypot(motion.north_m_s, motion.east_m_s))
+        if away_m > 4.0 + 0.25 * speed**2 or abs(to.altitude_m - motion.altitude_m) > 2.0:
+            return []
+        manoeuvre.at += 1
+        return [Fly(manoeuvre.places[0], False, manoeuvre.planned.words, tuple(sorted(manoeuvre.units)))]
+
+    def _return(self, now: Situation, manoeuvre: Manoeuvre) -> list[Step]:
+        """Fly on as soon as the own way has been free for a moment."""
+        if manoeuvre.state is ManoeuvreState.ASKED:  # the reason is gone before it was flown
+            self.manoeuvre = None
+            return []
+        if now.now_us < manoeuvre.since_us + LEAST_US:
+            return []
+        if not way_is_free(self._yielding(now, everything=False)):
+            manoeuvre.free_since_us = None
+            return []
+        if manoeuvre.free_since_us is None:
+            manoeuvre.free_since_us = now.now_us
+        if now.now_us < manoeuvre.free_since_us + FREE_US:
+            return []
+        return self._end(manoeuvre)
+
+    def _end(self, manoeuvre: Manoeuvre) -> list[Step]:
+        self.manoeuvre = None
+        return [GoOn(tuple(sorted(manoeuvre.units)))]
+
+    # -- what cannot be ----------------------------------------------------------------------------------------
+
+    def _leave(self, now: Situation, unit: str, reason: str) -> list[Step]:
+        """We do not avoid it: it is told, once; where it cannot either, that is an alarm."""
+        meeting, other = self.meetings[unit], now.neighbours[unit]
+        theirs = meeting.refused or other.cannot
+        if not theirs and other.rank(now.now_us) is RightOfWay.CANNOT:
+            theirs = (
+                "it is silent"
+                if other.is_silent(now.now_us)
+                else f"it cannot be commanded: {other.intent.source.value}"
+            )
+        if theirs:
+            meeting.state = MeetingState.NEITHER
+            return [Neither(unit, meeting.seconds, (reason, theirs))]
+        is_news, meeting.told, meeting.state = not meeting.told, True, MeetingState.LEFT
+        return [Leave(unit, reason)] if is_news else []
+
+    def on_not_flown(self, reason: str, now_us: int, *, overtaken: bool) -> list[Step]:
+        """Our autopilot does not fly the manoeuvre: it refused, another's target took its place, or nothing moves."""
+        manoeuvre = self.manoeuvre
+        if manoeuvre is None:
+            return []
+        self.cannot, self._cannot_until_us = reason, now_us + CANNOT_US
+        if overtaken:
+            self.manoeuvre = None
+        return []
+
+    def on_flown(self) -> None:
+        """Our autopilot flies what it was not seen to fly."""
+        self.cannot = ""
+
+    # -- what others say ---------------------------------------------------------------------------------------
+
+    def on_agreed(self, unit: str) -> None:
+        """It has agreed to our manoeuvre."""
+        if self.manoeuvre is not None:
+            self.manoeuvre.awaited.discard(unit)
+
+    def on_declined(self, unit: str, now_us: int) -> None:
+        """It has refused our manoeuvre: another one is planned, of which its newest word is part."""
+        manoeuvre = self.manoeuvre
+        if manoeuvre is not None and manoeuvre.state is ManoeuvreState.ASKED and unit in manoeuvre.awaited:
+            self._refusals += 1
+            self.manoeuvre, self._planned_us = None, now_us - AGAIN_US // 2
+
+    def on_left(self, unit: str, now: Situation) -> str | None:
+        """It leaves the meeting to us; returns why we do not take it, or None."""
+        seconds = self.meets(now, unit)
+        meeting = self.meetings.get(unit)
+        if meeting is None:
+            meeting = self.meetings[unit] = Meeting(now.now_us, seconds, seen_us=now.now_us)
+        because = now.cannot or self.cannot
+        if not because and plan(self._yielding(now, everything=True)) is None:
+            because = NOTHING_FREE
+        if because:
+            return because
+        meeting.is_left, meeting.state = True, MeetingState.MINE
+        return None
+
+    def on_left_refused(self, unit: str, reason: str, now: Situation) -> list[Step]:
+        """It cannot take what we have left to it."""
+        meeting = self.meetings.get(unit)
+        if meeting is None or not meeting.told:
+            return []
+        meeting.refused = reason or "no reason"
+        return self._leave(now, unit, now.cannot or self.cannot or NOTHING_FREE)
+
+    def forget(self, units: Iterable[str]) -> list[Step]:
+        """Nothing keeps them apart any more: no task wants it."""
+        steps: list[Step] = [Over(unit) for unit in units if self.meetings.pop(unit, None) is not None]
+        return steps

@@ -1,0 +1,215 @@
+"""Intents out and in: that of the own vehicle as the stream `intent`, those of others while a task keeps vehicles apart.
+
+The own one is put out twice a second, on the grid. What others say is imported from all platforms that offer it; one that offers
+none is taken by its position. Who is silent in the air is told. Times are the node clock.
+"""
+
+from collections.abc import Callable, Iterable
+from typing import Final
+
+from agents.exchange.gateway import Gateway
+from agents.exchange.label_agreements import LabelAgreements
+from agents.exchange.local_instance import LocalInstance
+from agents.exchange.partners import Partners
+from agents.exchange.subscription_keeper import SubscriptionKeeper
+from agents.flight.peer_fixes import fix_of
+from agents.flight.pilot import Pilot
+from agents.monitoring.coordination import Coordination
+from agents.part import Part, PeerChange
+from agents.separation.neighbours import Neighbour, Neighbours
+from agents.separation.own_intent import OwnIntent
+from agents.separation.records import INTENT, intent_of, intent_value
+from dyknow import NO_VALUE, Network, Sample
+from federation.members.clock import FederationClock
+from federation.members.directory import DirectoryFacilitator
+from federation.members.liveness import Departure, PlatformGone
+from federation.messages.descriptions import ConditionEntry, LabelEntry
+from federation.sharing.translation import Translation
+from navigation.intents.intent import IntendedPlace, Intent
+from reasoning import SILENT_IN_THE_AIR, AlarmEvent
+
+PERIOD_US: Final = 500_000
+LOOK_US: Final = 500_000
+TELLS_US: Final = 3_000_000
+"""So long after its last word a vehicle in the air is told to be silent."""
+LEFT_US: Final = 60_000_000
+"""How long one stays traffic whose platform has left in flight."""
+_OWN_US: Final = 2_000_000
+
+
+class Neighbourhood(Part):
+    """See the module.
+
+    Attributes:
+        others: all other vehicles.
+        manoeuvre: the places that the vehicle flies to keep apart; None: it flies its own way.
+    """
+
+    vital = True
+
+    def __init__(
+        self,
+        unit: str,
+        network: Network,
+        clock: FederationClock,
+        translation: Translation,
+        directory: DirectoryFacilitator,
+        agreements: LabelAgreements,
+        local: LocalInstance,
+        keeper: SubscriptionKeeper,
+        gateway: Gateway,
+        coordination: Coordination,
+        pilot: Pilot,
+        on_alarm: Callable[[AlarmEvent], None],
+        note: Callable[[str], None],
+        has_vehicle: bool,
+        *,
+        may_avoid: bool,
+    ) -> None:
+        self._unit, self._network, self._clock, self._translation = unit, network, clock, translation
+        self._directory, self._agreements, self._gateway = directory, agreements, gateway
+        self._coordination, self._pilot, self._raise, self._note = coordination, pilot, on_alarm, note
+        self._has_vehicle = has_vehicle
+        self.others = Neighbours()
+        self.own = OwnIntent(pilot, may_avoid=may_avoid)
+        self.manoeuvre: tuple[IntendedPlace, ...] | None = None
+        self._partners = Partners(network, local, keeper, self._on_import)
+        self._label, self._to_local = translation.local_label(INTENT, unit), translation.to_local(INTENT)
+        if self._has_vehicle:
+            network.add_source(self._label, translation.local_sort(INTENT))
+        self._sent_us = 0
+        self._silent: dict[str, AlarmEvent] = {}
+        self._left_us: dict[str, int] = {}
+        self._due_us: int | None = 0
+
+    # -- the own intent ----------------------------------------------------------------------------------------
+
+    def labels(self) -> Iterable[LabelEntry]:
+        if self._has_vehicle:
+            entry = self._translation.ontology[INTENT]
+            yield LabelEntry(label=INTENT, sort=entry.sort.name, type_hash=entry.type_hash, period_us=PERIOD_US)
+
+    def intent(self) -> Intent | None:
+        """What the own vehicle will do; None: it is not known where it is."""
+        return self.own.now(self.manoeuvre)
+
+    def publish(self, now_us: int) -> None:
+        """Put the own intent out, twice a second, on the grid."""
+        fix = self._pilot.fix
+        if fix is None or fix.valid_us % PERIOD_US or fix.valid_us <= self._sent_us:
+            return
+        intent = self.intent()
+        if intent is not None:
+            self._sent_us = fix.valid_us
+            self._network.push(
+                self._label, fix.valid_us, self._to_local(intent_value(intent)), self._clock.federation_us(now_us)
+            )
+
+    # -- others' -----------------------------------------------------------------------------------------------
+
+    @property
+    def is_watched(self) -> bool:
+        """Whether a task wants vehicles to keep apart."""
+        return self._coordination.keeps_apart
+
+    def _on_import(self, unit: str, label: str, sample: Sample) -> None:
+        if label == INTENT and sample.value is not NO_VALUE:
+            found = intent_of(self._translation.to_semantic(INTENT).sample(sample))
+            at_us = max(self._network.now_us, sample.available_us)
+            if found is not None:
+                self.take(unit, found, at_us)
+            else:
+                self.others.left_out["intent"] = self.others.left_out.get("intent", 0) + 1
+
+    def take(self, unit: str, intent: Intent, at_us: int) -> None:
+        """What a member says it will do, at a time of the federation."""
+        if intent.at_us > at_us + _OWN_US:
+            self.others.left_out["ahead of time"] = self.others.left_out.get("ahead of time", 0) + 1
+            return
+        problem = self.others.take(unit, intent, at_us)
+        if problem is not None:
+            self._note(problem)
+
+    def on_peer(self, change: PeerChange, now_us: int) -> None:
+        if isinstance(change, PlatformGone) and change.why is Departure.LEFT:
+            self._left_us[change.unit] = now_us + LEFT_US
+        self._due_us = now_us if self._due_us is None else min(self._due_us, now_us)
+
+    @property
+    def deadline_us(self) -> int | None:
+        return self._due_us
+
+    def on_time(self, now_us: int) -> None:
+        """Ask for what is needed, and tell who is silent."""
+        if self._due_us is None or now_us < self._due_us:
+            return
+        watched = self.is_watched
+        self._due_us = now_us + LOOK_US if watched or self._partners.units or self._silent else None
+        present = {entry.unit for entry in self._directory.entries() if entry.kind == "uav"} - {self._unit}
+        offering = {unit for unit in present if watched and self._offers(unit)}
+        for unit in {*offering, *self._partners.units}:
+            self._partners.want(
+                unit, {INTENT: PERIOD_US} if unit in offering or (unit not in present and watched) else {}, now_us
+            )
+        federation_us = self._clock.federation_us(now_us)
+        if watched:
+            for unit in present - offering:
+                fix = fix_of(self._gateway, unit)
+                if fix is not None:
+                    self.others.see(unit, fix, federation_us)
+        for unit, until_us in list(self._left_us.items()):
+            known = self.others.by_unit.get(unit)
+            if known is None or not known.is_silent(federation_us):
+                if unit in present:
+                    del self._left_us[unit]
+            elif now_us >= until_us:
+                del self._left_us[unit]
+                self.others.forget(unit)
+        self.others.expire(federation_us)
+        self._tell_silent(federation_us)
+
+    def wake(self, now_us: int) -> None:
+        """A task came or went."""
+        self._due_us = now_us if self._due_us is None else min(self._due_us, now_us)
+
+    def _offers(self, unit: str) -> bool:
+        entry = self._directory.entry(unit)
+        has = entry is not None and any(each.label == INTENT for each in entry.labels)
+        return has and not self._agreements.disagreement(unit, INTENT)
+
+    # -- silence -----------------------------------------------------------------------------------------------
+
+    def _tell_silent(self, federation_us: int) -> None:
+        silent = {}
+        if self.is_watched:
+            for each in self.others.airborne():
+                if federation_us - each.heard_us > TELLS_US:
+                    silent[each.unit] = each
+        for unit in [unit for unit in self._silent if unit not in silent]:
+            event = self._silent.pop(unit)
+            self._raise(event._replace(event="closed", detected_us=federation_us))
+        for unit, each in silent.items():
+            if unit not in self._silent:
+                self._silent[unit] = self._opened(each, federation_us)
+                self._note(f"{unit} is silent, in the air, at about {each.intent.altitude_m:.0f} m")
+                self._raise(self._silent[unit])
+
+    def _opened(self, each: Neighbour, federation_us: int) -> AlarmEvent:
+        intent = each.intent
+        values = {
+            "altitude_m": intent.altitude_m, "latitude_deg": intent.latitude_deg, "longitude_deg": intent.longitude_deg,
+            "source": intent.source.value,
+        }  # fmt: skip
+        return AlarmEvent(
+            f"{SILENT_IN_THE_AIR} {self._unit} {each.unit} {each.heard_us}", "opened", SILENT_IN_THE_AIR,
+            (self._unit, each.unit), each.heard_us, federation_us, values,
+        )  # fmt: skip
+
+    def conditions(self) -> Iterable[ConditionEntry]:
+        """Those that are silent in the air."""
+        for unit, event in list(self._silent.items())[:4]:
+            height_m = event.values["altitude_m"]
+            yield ConditionEntry(
+                text=f"{unit} is silent, in the air, at about {height_m:.0f} m",
+                since_us=max(0, self._clock.wall_us(event.detected_us)),
+            )

@@ -1,0 +1,194 @@
+"""The other vehicles as traffic: what each said last of where it will be, grown while it is silent, bounded where it lies.
+
+A member that falls silent in the air stays traffic, by its intent and its contingency, wider by half a metre a second, until it
+is heard again, is seen on the ground, or its battery must be empty. One that never said an intent is taken by its motion.
+Federation time.
+"""
+
+from collections.abc import Iterable
+from dataclasses import dataclass, field
+from typing import Final, NamedTuple
+
+import numpy as np
+import numpy.typing as npt
+
+from agents.flight.places import Fix
+from navigation.geodesy import distance_m
+from navigation.intents.intent import Intent, IntentEnding, IntentSource, RightOfWay
+from navigation.intents.path import STEP_S, STEPS, FlatOrigin, Tube, contingent, later, nominal
+
+SILENT_US: Final = 2_000_000
+"""So long without a word a member is silent: two intents a second are due."""
+GROWS_M_S, GROWS_MOST_M = 0.5, 25.0
+FORGOTTEN_US: Final = 1_800_000_000
+"""By then the battery of a copter is empty."""
+MOST_OWN_M: Final = 30.0
+"""No vehicle claims more room for itself than that: what it says is cut down to it."""
+LEAP_M, LEAP_M_S = 50.0, 60.0
+CREDIBLE_US: Final = 3_000_000
+"""One that has leapt is traffic where it was last until it has been credible for so long."""
+ALTITUDE_LEAP_M, ALTITUDE_LEAP_M_S = 6.0, 12.0
+WORD_US: Final = 1_000_000
+"""An intent that is so much newer takes back that its vehicle cannot avoid another."""
+MOST: Final = 256
+_LONGEST: Final = 400
+
+
+@dataclass(slots=True)
+class Neighbour:
+    """One other vehicle.
+
+    Attributes:
+        intent: its newest word; heard_us: when that, or its position, came.
+        said: whether it has said an intent itself.
+        leapt_us: when it was last somewhere where no vehicle gets so fast; the intent before stands then.
+        cannot: why it does not avoid us, in its own words, said at `cannot_us`; empty: it has not said that.
+    """
+
+    unit: str
+    intent: Intent
+    heard_us: int
+    said: bool = True
+    leapt_us: int | None = None
+    candidate: Intent | None = None
+    cannot: str = ""
+    cannot_us: int = 0
+    _tubes: list[Tube] = field(default_factory=list)
+    _of: tuple[Intent, FlatOrigin, int] | None = None
+
+    def is_silent(self, now_us: int) -> bool:
+        return now_us - self.heard_us > SILENT_US
+
+    def age_s(self, now_us: int) -> float:
+        return max(0.0, (now_us - self.intent.at_us) / 1e6)
+
+    def rank(self, now_us: int) -> RightOfWay:
+        """Its right of way: one that is silent, or never said an intent, cannot be asked for anything."""
+        if not self.said or self.cannot or self.is_silent(now_us) or self.leapt_us is not None:
+            return RightOfWay.CANNOT
+        return self.intent.rank
+
+    def tubes(self, origin: FlatOrigin, now_us: int, steps: int) -> list[Tube]:
+        """Where it will be from now on: as it said, and as its autopilot flies it when nobody is heard."""
+        age_s = self.age_s(now_us)
+        needed = min(_LONGEST, max(STEPS, steps + int(age_s / STEP_S) + 1))
+        if self._of is None or self._of[0] is not self.intent or self._of[1] is not origin or self._of[2] < needed:
+            other = contingent(self.intent, origin, needed)
+            self._tubes = [nominal(self.intent, origin, needed), *([] if other is None else [other])]
+            self._of = self.intent, origin, needed
+        found = [later(tube, age_s, steps) for tube in self._tubes]
+        silent_s = (now_us - self.heard_us - SILENT_US) / 1e6
+        if silent_s > 0.0:
+            grows = np.minimum(GROWS_MOST_M, GROWS_M_S * (silent_s + np.arange(steps) * STEP_S))
+            for tube in found:
+                tube[4] += grows
+        return found
+
+
+class Traffic3D(NamedTuple):
+    """The tubes of several neighbours: shape (K, 5, steps), with whose each is, and whether it is as that one said."""
+
+    tubes: npt.NDArray[np.float64]
+    units: tuple[str, ...]
+    is_nominal: tuple[bool, ...]
+
+
+class Neighbours:
+    """All other vehicles. Every method takes federation time."""
+
+    def __init__(self) -> None:
+        self.by_unit: dict[str, Neighbour] = {}
+        self.left_out: dict[str, int] = {}
+
+    def take(self, unit: str, intent: Intent, now_us: int) -> str | None:
+        """An intent that a member said; returns in words why it is not believed, the first time."""
+        intent = _bounded(intent)
+        known = self.by_unit.get(unit)
+        if known is None or not known.said:
+            self._put(Neighbour(unit, intent, now_us))
+            return None
+        if intent.at_us < known.intent.at_us:
+            return None
+        leap = leap_of(known.candidate or known.intent, intent)
+        if leap is None and known.candidate is None:
+            if intent.rank is not RightOfWay.CANNOT and intent.at_us > known.cannot_us + WORD_US:
+                known.cannot = ""
+            known.intent, known.heard_us = intent, now_us
+            return None
+        known.candidate = intent
+        if leap is not None:
+            is_news, known.leapt_us = known.leapt_us is None, now_us
+            self.left_out["leap"] = self.left_out.get("leap", 0) + 1
+            return f"{unit} {leap}: it is taken to be where it was until it is credible" if is_news else None
+        if known.leapt_us is None or now_us - known.leapt_us >= CREDIBLE_US:
+            known.intent, known.heard_us = intent, now_us
+            known.candidate = known.leapt_us = None
+        return None
+
+    def see(self, unit: str, fix: Fix, now_us: int) -> None:
+        """Where a member is that has said no intent: it is taken by its motion."""
+        known = self.by_unit.get(unit)
+        if known is not None and known.said:
+            return
+        intent = Intent(
+            fix.valid_us, fix.latitude_deg, fix.longitude_deg, fix.altitude_m, fix.north_m_s, fix.east_m_s,
+            fix.down_m_s, IntentSource.STRAIGHT, RightOfWay.CANNOT, (), IntentEnding.OPEN,
+        )  # fmt: skip
+        if known is None:
+            self._put(Neighbour(unit, intent, now_us, said=False))
+        elif fix.valid_us > known.intent.at_us:
+            known.intent, known.heard_us = intent, now_us
+
+    def _put(self, neighbour: Neighbour) -> None:
+        while len(self.by_unit) >= MOST:
+            del self.by_unit[min(self.by_unit.values(), key=lambda each: each.heard_us).unit]
+        self.by_unit[neighbour.unit] = neighbour
+
+    def forget(self, unit: str) -> None:
+        self.by_unit.pop(unit, None)
+
+    def expire(self, now_us: int) -> None:
+        """Forget those whose battery must be empty, and those on the ground of which nothing is heard."""
+        for unit, each in list(self.by_unit.items()):
+            if now_us - each.heard_us > FORGOTTEN_US or (not each.intent.is_airborne and each.is_silent(now_us)):
+                del self.by_unit[unit]
+
+    def airborne(self) -> Iterable[Neighbour]:
+        return [each for each in self.by_unit.values() if each.intent.is_airborne]
+
+    def near(self, origin: FlatOrigin, own: Fix, speed_m_s: float, now_us: int, steps: int) -> Traffic3D:
+        """The tubes of all that may come near within the steps."""
+        tubes: list[Tube] = []
+        units: list[str] = []
+        nominals: list[bool] = []
+        seconds = steps * STEP_S
+        for each in self.airborne():
+            intent = each.intent
+            away_m = distance_m(own.latitude_deg, own.longitude_deg, intent.latitude_deg, intent.longitude_deg)
+            reach_m = (speed_m_s + max(intent.speed_m_s, 5.0)) * (seconds + min(each.age_s(now_us), 60.0)) + 100.0
+            if away_m > reach_m:
+                continue
+            for at, tube in enumerate(each.tubes(origin, now_us, steps)):
+                tubes.append(tube)
+                units.append(each.unit)
+                nominals.append(at == 0)
+        stacked = np.stack(tubes) if tubes else np.empty((0, 5, steps))
+        return Traffic3D(stacked, tuple(units), tuple(nominals))
+
+
+def _bounded(intent: Intent) -> Intent:
+    return intent._replace(
+        radius_m=min(MOST_OWN_M, intent.radius_m), half_height_m=min(MOST_OWN_M, intent.half_height_m)
+    )
+
+
+def leap_of(before: Intent, after: Intent) -> str | None:
+    """Whether position or altitude has changed as that of no aircraft does, in words."""
+    seconds = max(0.0, (after.at_us - before.at_us) / 1e6)
+    away_m = distance_m(before.latitude_deg, before.longitude_deg, after.latitude_deg, after.longitude_deg)
+    if away_m > LEAP_M + LEAP_M_S * seconds:
+        return f"has leapt by {away_m:.0f} m"
+    up_m = abs(after.altitude_m - before.altitude_m)
+    if up_m > ALTITUDE_LEAP_M + ALTITUDE_LEAP_M_S * seconds:
+        return f"has leapt by {up_m:.0f} m in height"
+    return None

@@ -1,0 +1,245 @@
+"""The ways in which a vehicle can keep clear of all others, and the cheapest of those that do.
+
+Each is flown ahead as a whole: braking, turning, climbing, and then the way back, which is free when it begins. Level ways go
+to the side, back, or stop; upright ways take the vehicle's own track at another level. What leaves its limits is none.
+"""
+
+from collections.abc import Callable, Iterator, Sequence
+from math import hypot
+from typing import Final, NamedTuple
+
+import numpy as np
+import numpy.typing as npt
+
+from navigation.intents.intent import IntentEnding
+from navigation.intents.meeting import MINIMA, WIDER, Minima, clearance, closeness, first_meetings
+from navigation.intents.path import (
+    ACCELERATION_M_S2,
+    SLOW,
+    STEP_S,
+    FlatMotion,
+    FlatPlace,
+    Performance,
+    Tube,
+    fly,
+    later,
+)
+
+ASIDE_M: Final = (30.0, 60.0, 90.0)
+LEVELS_M: Final = (14.0, 24.0, 36.0)
+BACK_M: Final = 40.0
+ABOVE_M: Final = WIDER.upright_m + 2.0
+"""How far above or below the tube of another a level is."""
+PLANNED_STEPS: Final = 61
+"""A manoeuvre is free for 30 s, or it is none."""
+WAY_STEPS: Final = 41
+"""The way back is free for 20 s from where it begins."""
+RETURNS_S: Final = (4.0, 8.0, 12.0, 17.0, 22.0, 30.0)
+NEVER_S: Final = 60.0
+"""What a manoeuvre costs whose way back is not free within half a minute."""
+CLIMB_COST_S_PER_M: Final = 0.15
+TURN_COST_S: Final = 2.0
+MOST_LOOKED_INTO: Final = 20
+
+Allowed = Callable[[FlatPlace], bool]
+
+
+class PlannedManoeuvre(NamedTuple):
+    """Places that are flown to one after the other, to stand at the last; none: stop.
+
+    Attributes:
+        tube: where the vehicle is then.
+        minima: what it keeps from all others; None: it is the way that keeps farthest from them, and is not free.
+        cost_s: seconds that it costs, energy and change among them.
+        words: what it does.
+    """
+
+    places: tuple[FlatPlace, ...]
+    tube: Tube
+    minima: Minima | None
+    cost_s: float
+    words: str
+
+
+class Yielding(NamedTuple):
+    """What is known when a vehicle yields.
+
+    Attributes:
+        motion: its own now; legs, ending: its way if nobody were there; performance: of the vehicle.
+        others: the tubes of all others and of their contingencies, from now on, shape (K, 5, steps).
+        allowed: whether it may stand at a place.
+    """
+
+    motion: FlatMotion
+    legs: Sequence[FlatPlace]
+    ending: IntentEnding
+    performance: Performance
+    others: npt.NDArray[np.float64]
+    allowed: Allowed
+
+
+class _Candidate(NamedTuple):
+    places: tuple[FlatPlace, ...]
+    change_m: float
+    words: str
+
+
+def way_is_free(yielding: Yielding, minima: Minima = WIDER) -> bool:
+    """Whether the own way is free of all others from now on, for 20 s."""
+    tube = fly(yielding.motion, yielding.legs, yielding.ending, yielding.performance, WAY_STEPS)
+    return clearance(closeness(tube, yielding.others[:, :, :WAY_STEPS], minima)) >= 1.0
+
+
+def plan(yielding: Yielding) -> PlannedManoeuvre | None:
+    """The cheapest manoeuvre that is free, else the one that keeps farthest away; None: nothing is allowed."""
+    others = yielding.others[:, :, :PLANNED_STEPS]
+    flown: list[tuple[_Candidate, Tube, float]] = []
+    best: tuple[float, _Candidate, Tube] | None = None
+    for candidate in _candidates(yielding):
+        if not all(map(yielding.allowed, candidate.places)):
+            continue
+        tube = fly(yielding.motion, candidate.places, IntentEnding.HOVER, yielding.performance, PLANNED_STEPS)
+        wide = clearance(closeness(tube, others, WIDER))
+        if wide >= 1.0:
+            flown.append((candidate, tube, _least_cost_s(candidate)))
+        elif best is None or wide > best[0]:
+            best = wide, candidate, tube
+    if flown:
+        return _cheapest(yielding, flown, WIDER)
+    if best is None:
+        return None
+    return _closer(yielding, others, best)
+
+
+def _closer(
+    yielding: Yielding, others: npt.NDArray[np.float64], best: tuple[float, _Candidate, Tube]
+) -> PlannedManoeuvre:
+    """Nothing keeps the wider minima: what keeps the least ones, else what keeps farthest away."""
+    flown = []
+    for candidate in _candidates(yielding):
+        if all(map(yielding.allowed, candidate.places)):
+            tube = fly(yielding.motion, candidate.places, IntentEnding.HOVER, yielding.performance, PLANNED_STEPS)
+            if clearance(closeness(tube, others, MINIMA)) >= 1.0:
+                flown.append((candidate, tube, _least_cost_s(candidate)))
+    if flown:
+        return _cheapest(yielding, flown, MINIMA)
+    _, candidate, tube = best
+    return PlannedManoeuvre(candidate.places, tube, None, NEVER_S, candidate.words)
+
+
+def _least_cost_s(candidate: _Candidate) -> float:
+    return candidate.change_m * CLIMB_COST_S_PER_M + (TURN_COST_S if candidate.places else 1.0)
+
+
+def _cheapest(yielding: Yielding, flown: list[tuple[_Candidate, Tube, float]], minima: Minima) -> PlannedManoeuvre:
+    flown.sort(key=lambda each: each[2])
+    straight_s = _flight_s(yielding, yielding.motion)
+    found: list[PlannedManoeuvre] = []
+    least_s = NEVER_S * 2.0
+    for candidate, tube, change_s in flown[:MOST_LOOKED_INTO]:
+        if change_s >= least_s:
+            break
+        cost_s = change_s + _delay_s(yielding, tube, straight_s)
+        found.append(PlannedManoeuvre(candidate.places, tube, minima, cost_s, candidate.words))
+        least_s = min(least_s, cost_s)
+    return min(found, key=lambda each: each.cost_s)
+
+
+def _flight_s(yielding: Yielding, motion: FlatMotion) -> float:
+    """About how long the own way takes from there."""
+    if not yielding.legs:
+        return 0.0
+    speed, north_m, east_m, total_m = max(1.0, yielding.performance.speed_m_s), motion.north_m, motion.east_m, 0.0
+    for leg in yielding.legs:
+        total_m += hypot(leg.north_m - north_m, leg.east_m - east_m)
+        north_m, east_m = leg.north_m, leg.east_m
+    up_m = yielding.legs[-1].altitude_m - motion.altitude_m
+    rate = yielding.performance.climb_m_s if up_m > 0 else yielding.performance.descent_m_s
+    return max(total_m / speed, abs(up_m) / rate)
+
+
+def _delay_s(yielding: Yielding, tube: Tube, straight_s: float) -> float:
+    """How much later it arrives than without the others: it returns to its way as soon as that is free."""
+    if not yielding.legs:
+        return 0.0
+    for after_s in RETURNS_S:
+        at = min(round(after_s / STEP_S), tube.shape[1] - 1)
+        here, before = tube[:, at], tube[:, at - 1]
+        v_north, v_east = ((here[:2] - before[:2]) / STEP_S).tolist()
+        motion = FlatMotion(float(here[0]), float(here[1]), float(here[2] + here[3]) / 2.0, v_north, v_east, 0.0)
+        way = fly(motion, yielding.legs, yielding.ending, yielding.performance, WAY_STEPS)
+        there = later(yielding.others, after_s, WAY_STEPS)
+        if clearance(closeness(way, there, WIDER)) >= 1.0:
+            return max(0.0, after_s + _flight_s(yielding, motion) - straight_s)
+    return NEVER_S
+
+
+def _candidates(yielding: Yielding) -> Iterator[_Candidate]:
+    """All ways there are, those that change least first."""
+    motion, legs, performance = yielding.motion, yielding.legs, yielding.performance
+    speed = hypot(motion.north_m_s, motion.east_m_s)
+    d_north, d_east = _direction(motion, legs, speed)
+    brakes_m = speed**2 / (2.0 * ACCELERATION_M_S2)
+    runs_m = speed * 0.5 + brakes_m
+
+    def ahead(along_m: float, right_m: float, altitude_m: float) -> FlatPlace:
+        return FlatPlace(
+            motion.north_m + d_north * along_m - d_east * right_m,
+            motion.east_m + d_east * along_m + d_north * right_m,
+            altitude_m,
+        )
+
+    here_m = motion.altitude_m
+    yield _Candidate((), 0.0, "stops")
+    levels = _levels(yielding)
+    for level_m in levels:
+        change_m = abs(level_m - here_m)
+        rate = (performance.climb_m_s if level_m > here_m else performance.descent_m_s) * SLOW
+        if legs:
+            climb = ahead(max(runs_m, min(speed, performance.speed_m_s) * change_m / (2.0 * rate)), 0.0, level_m)
+            on = tuple(leg._replace(altitude_m=level_m) for leg in legs[:2])
+            yield _Candidate((climb, *on), change_m, f"flies on at {level_m:.0f} m")
+        yield _Candidate((ahead(runs_m, 0.0, level_m),), change_m, f"goes to {level_m:.0f} m and holds")
+    for right_m in ASIDE_M:
+        for side in (1.0, -1.0):
+            words = f"goes {right_m:.0f} m {'right' if side > 0 else 'left'}"
+            yield _Candidate((ahead(runs_m, side * right_m, here_m),), 0.0, words)
+            if legs:
+                yield _Candidate(
+                    (ahead(runs_m, side * right_m, here_m), ahead(runs_m + 2.0 * right_m, side * right_m, here_m)),
+                    0.5 * right_m, words + " and on",
+                )  # fmt: skip
+    yield _Candidate((ahead(-BACK_M, 0.0, here_m),), 10.0, f"goes back {BACK_M:.0f} m")
+    for level_m in levels[:2]:
+        for side in (1.0, -1.0):
+            place = ahead(runs_m, side * ASIDE_M[0], level_m)
+            yield _Candidate((place,), abs(level_m - here_m), f"goes aside to {level_m:.0f} m")
+
+
+def _direction(motion: FlatMotion, legs: Sequence[FlatPlace], speed: float) -> tuple[float, float]:
+    """North and east parts of where it flies, or is to fly."""
+    if speed > 0.5:
+        return motion.north_m_s / speed, motion.east_m_s / speed
+    for leg in legs:
+        away = hypot(leg.north_m - motion.north_m, leg.east_m - motion.east_m)
+        if away > 1.0:
+            return (leg.north_m - motion.north_m) / away, (leg.east_m - motion.east_m) / away
+    return 1.0, 0.0
+
+
+def _levels(yielding: Yielding) -> list[float]:
+    """Levels just above and below those that it would meet, and fixed steps; the nearest first, each once."""
+    motion = yielding.motion
+    others = yielding.others
+    found = [motion.altitude_m + sign * step_m for step_m in LEVELS_M for sign in (1.0, -1.0)]
+    if len(others):
+        own = fly(motion, yielding.legs, yielding.ending, yielding.performance, min(PLANNED_STEPS, others.shape[2]))
+        close = closeness(own, others[:, :, : own.shape[1]], WIDER)
+        for at in np.flatnonzero(np.isfinite(first_meetings(close)))[:4]:
+            found += [float(others[at, 3].max()) + ABOVE_M, float(others[at, 2].min()) - ABOVE_M]
+    found.sort(key=lambda level_m: abs(level_m - motion.altitude_m))
+    kept: list[float] = []
+    for level_m in found:
+        if all(abs(level_m - each) > 3.0 for each in kept):
+            kept.append(level_m)
+    return kept

@@ -1,0 +1,101 @@
+"""An operational intent: where a vehicle will be, and where it goes if nobody hears it any more (ASTM F3548, InterUSS).
+
+Places are WGS-84 degrees and metres above mean sea level, velocities metres per second north, east, down, times federation time.
+"""
+
+from enum import IntEnum, StrEnum
+from typing import Final, NamedTuple
+
+MOST_LEGS: Final = 16
+CLIMB_M_S, DESCENT_M_S = 2.5, 1.5
+"""What autopilots climb and sink at unless they are told otherwise (ArduCopter WPNAV_SPEED_UP, WPNAV_SPEED_DN)."""
+SPEED_M_S: Final = 5.0
+
+
+class IntendedPlace(NamedTuple):
+    """The end of a straight leg."""
+
+    latitude_deg: float
+    longitude_deg: float
+    altitude_m: float
+
+
+class IntentEnding(StrEnum):
+    """What follows the last leg."""
+
+    HOVER = "hover"
+    LAND = "land"
+    OPEN = "open"
+    """Nothing is known: what it flies now, and what it can reach from there."""
+
+
+class IntentSource(StrEnum):
+    """By whose word it flies so."""
+
+    GROUND = "ground"
+    HOVER = "hover"
+    ROUTE = "route"
+    ORDER = "order"
+    STATION = "station"
+    MISSION = "mission"
+    MANOEUVRE = "manoeuvre"
+    RETURN = "return"
+    LANDING = "landing"
+    TAKE_OFF = "take-off"
+    PILOT = "pilot"
+    STRAIGHT = "straight"
+    """It has not said: what its motion shows."""
+
+
+class RightOfWay(IntEnum):
+    """What right of way follows from; the smaller one goes first, of two that are equal the one whose name sorts first."""
+
+    CANNOT = 0
+    """It cannot be commanded: its pilot, a mission that may not be interrupted, RTL, LAND, silence, no member."""
+    URGENT = 1
+    LANDING = 2
+    COMMITTED = 3
+    """It flies an agreed manoeuvre: that is not changed for a newcomer while another one can yield."""
+    NAMED = 4
+
+
+class Contingency(NamedTuple):
+    """What its autopilot flies once its link has been lost for `after_s`; until then, and with no legs, the intent's own."""
+
+    after_s: float
+    legs: tuple[IntendedPlace, ...]
+    ending: IntentEnding
+
+
+class Intent(NamedTuple):
+    """Where one vehicle will be.
+
+    Attributes:
+        at_us: when it was at the place, with the velocity, from which it flies the legs.
+        speed_m_s, climb_m_s, descent_m_s: how fast it flies them, at most.
+        radius_m, half_height_m: how far off the line it may be.
+        contingency: what comes instead if platform or link die; None: the legs are flown to their end.
+    """
+
+    at_us: int
+    latitude_deg: float
+    longitude_deg: float
+    altitude_m: float
+    north_m_s: float
+    east_m_s: float
+    down_m_s: float
+    source: IntentSource
+    rank: RightOfWay
+    legs: tuple[IntendedPlace, ...] = ()
+    ending: IntentEnding = IntentEnding.HOVER
+    speed_m_s: float = SPEED_M_S
+    climb_m_s: float = CLIMB_M_S
+    descent_m_s: float = DESCENT_M_S
+    radius_m: float = 1.0
+    half_height_m: float = 0.5
+    contingency: Contingency | None = None
+
+    @property
+    def is_airborne(self) -> bool:
+        """Whether it is traffic at all."""
+        return self.source is not IntentSource.GROUND
