@@ -15,19 +15,17 @@ from navigation.intents.intent import (
 )
 
 INTENT: Final = "intent"
-FIELDS: Final = 18
+FIELDS: Final = 16
 MOST_SPEED_M_S, MOST_RADIUS_M, MOST_ALTITUDE_M, MOST_DELAY_S = 60.0, 100.0, 12_000.0, 3600.0
 W = TypeVar("W", IntentSource, IntentEnding)
 
 
 def intent_value(intent: Intent) -> Value:
     """An intent as a value of `intent`; its time is that of the sample."""
-    after = intent.contingency
     return (
         intent.source.value, intent.rank.name.lower(), *intent[1:7], intent.speed_m_s, intent.climb_m_s,
         intent.descent_m_s, intent.radius_m, intent.half_height_m, legs_text(intent.legs), intent.ending.value,
-        NO_VALUE if after is None else after.after_s, "" if after is None else legs_text(after.legs),
-        "" if after is None else after.ending.value,
+        failsafe_text(intent.contingency),
     )  # fmt: skip
 
 
@@ -36,7 +34,7 @@ def intent_of(sample: Sample) -> Intent | None:
     value = sample.value
     if value is NO_VALUE or not isinstance(value, tuple) or len(value) != FIELDS:
         return None
-    source, rank, *numbers, legs, ending, after_s, after_legs, after_ending = value
+    source, rank, *numbers, legs, ending, failsafe = value
     kind, follows = _word(IntentSource, source), _word(IntentEnding, ending)
     way = _rank(rank)
     if kind is None or follows is None or way is None or not all(map(_is_number, numbers)):
@@ -51,16 +49,37 @@ def intent_of(sample: Sample) -> Intent | None:
     places = legs_of(legs)
     if not is_one or places is None:
         return None
-    contingency: Contingency | None = None
-    if _is_number(after_s):
-        flown, last = legs_of(after_legs), _word(IntentEnding, after_ending)
-        if flown is None or last is None or not 0.0 <= float(after_s) <= MOST_DELAY_S:
-            return None
-        contingency = Contingency(float(after_s), flown, last)
+    contingency = failsafe_of(failsafe)
+    if contingency is None and failsafe != "":
+        return None
     return Intent(
         sample.valid_us, latitude_deg, longitude_deg, altitude_m, north, east, down, kind, way, places, follows, speed, climb,
         descent, radius_m, half_m, contingency,
     )  # fmt: skip
+
+
+def failsafe_text(contingency: Contingency | None) -> str:
+    """A contingency as `SECONDS ENDING LEGS`; empty: there is none."""
+    return (
+        ""
+        if contingency is None
+        else f"{contingency.after_s:.1f} {contingency.ending.value} {legs_text(contingency.legs)}"
+    )
+
+
+def failsafe_of(text: Value) -> Contingency | None:
+    """What `failsafe_text` wrote; None: there is none, or somebody wrote something else."""
+    words = text.split(" ", 2) if isinstance(text, str) else []
+    if len(words) != 3:
+        return None
+    legs, ending = legs_of(words[2]), _word(IntentEnding, words[1])
+    try:
+        after_s = float(words[0])
+    except ValueError:
+        return None
+    if legs is None or ending is None or not 0.0 <= after_s <= MOST_DELAY_S:
+        return None
+    return Contingency(after_s, legs, ending)
 
 
 def legs_text(legs: tuple[IntendedPlace, ...]) -> str:
