@@ -55,7 +55,9 @@ def check_turn(dyknow: Dyknow, turn: dict[str, Any]) -> None:
 
     history = dyknow.run("explain", car, "--unit", str(turn["unit"]))
     seen = [each for each in history if each["event"] == "established"]
-    assert seen or history[0]["event"] == "appeared", history  # what another platform alone has seen is taken over from it
+    assert seen or history[0]["event"] == "appeared", (
+        history
+    )  # what another platform alone has seen is taken over from it
     assert all(each["from"].startswith(f"vp{turn['unit']}_") for each in seen), history
     assert turn["to"] in {each["to"] for each in history}
 
