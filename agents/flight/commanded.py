@@ -231,6 +231,11 @@ class CommandedVehicle(HeardVehicle):
         return self._suspended and self.standing is None
 
     @property
+    def kept_aside(self) -> vehicle.Order | InterruptedMission | None:
+        """What the vehicle did before it gave way, and will do again; None: its plan, or nothing that is known."""
+        return self._aside
+
+    @property
     def claims(self) -> CommandClaims:
         """The commanders that would have the vehicle now."""
         return CommandClaims(

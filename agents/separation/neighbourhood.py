@@ -95,6 +95,8 @@ class Neighbourhood(Part):
 
     def publish(self, now_us: int) -> None:
         """Put the own intent out, twice a second, on the grid."""
+        if self._due_us is None and self.is_watched:
+            self._due_us = now_us
         fix = self._pilot.fix
         if fix is None or fix.valid_us % PERIOD_US or fix.valid_us <= self._sent_us:
             return
@@ -167,10 +169,6 @@ class Neighbourhood(Part):
                 self.others.forget(unit)
         self.others.expire(federation_us)
         self._tell_silent(federation_us)
-
-    def wake(self, now_us: int) -> None:
-        """A task came or went."""
-        self._due_us = now_us if self._due_us is None else min(self._due_us, now_us)
 
     def _offers(self, unit: str) -> bool:
         entry = self._directory.entry(unit)

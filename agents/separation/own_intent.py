@@ -16,6 +16,7 @@ A vehicle that may not be commanded, or is told not to give way, cannot. Federat
 from typing import Final
 
 from agents.flight.arbiter import Commander
+from agents.flight.heard_vehicle import InterruptedMission
 from agents.flight.pilot import Pilot
 from agents.flight.places import Fix
 from navigation.geodesy import distance_m
@@ -40,6 +41,7 @@ from navigation.vehicle import (
     InterruptOrder,
     LandOrder,
     LinkLossAction,
+    Order,
     ReturnHomeOrder,
     TakeOffOrder,
 )
@@ -115,7 +117,9 @@ class OwnIntent:
             if towards is None:
                 return IntentSource.MISSION, (), IntentEnding.OPEN
             return IntentSource.MISSION, (towards,), IntentEnding.HOVER
-        commander = pilot.claims.commander
+        if pilot.diversion is not None and pilot.kept_aside is not None:
+            return self._aside(pilot.kept_aside)
+        commander = pilot.claims._replace(avoidance="").commander
         if commander is Commander.HANDS or (status is not None and not status.guided):
             return IntentSource.PILOT, (), IntentEnding.OPEN
         order = pilot.standing
@@ -129,12 +133,22 @@ class OwnIntent:
             return IntentSource.HOVER, (), IntentEnding.HOVER
         if pilot.plan is not None and pilot.leg >= len(pilot.plan.waypoints) and pilot.keeps_plan:
             return IntentSource.HOVER, (), IntentEnding.HOVER
-        if towards is not None:
+        if towards is not None and pilot.diversion is None:
             return IntentSource.STATION, (towards,), IntentEnding.HOVER
         back = pilot.others_target()
         if back is not None:
             return IntentSource.STATION, (IntendedPlace(*back[:3]),), IntentEnding.HOVER
         return IntentSource.HOVER, (), IntentEnding.HOVER if fix.speed_m_s < 1.0 else IntentEnding.OPEN
+
+    def _aside(
+        self, aside: Order | InterruptedMission
+    ) -> tuple[IntentSource, tuple[IntendedPlace, ...], IntentEnding]:
+        """What it did before it made room, and will do again."""
+        source = IntentSource.MISSION if isinstance(aside, InterruptedMission) else IntentSource.ORDER
+        order = aside.towards if isinstance(aside, InterruptedMission) else aside
+        if isinstance(order, GoToOrder | InterruptOrder):
+            return source, (IntendedPlace(*order[:3]),), IntentEnding.HOVER
+        return source, (), IntentEnding.HOVER
 
     def _route(self, fix: Fix) -> tuple[IntendedPlace, ...]:
         plan = self._pilot.plan

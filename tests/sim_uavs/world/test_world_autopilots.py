@@ -20,9 +20,9 @@ PERSONAS = pytest.mark.parametrize(
 
 
 def head_on(
-    persona: PersonaName = "ardupilot", ways: tuple[str, str] = ("station", "station"), *troubles: Trouble, **zero: Any
+    persona: PersonaName = "ardupilot", ways: tuple[str, str] = ("station", "station"), *troubles: Trouble, **one: Any
 ) -> Meeting:
-    """0 flies north, 3 m above 1, which comes towards it; `troubles` and the fields of `Flown` in `zero` are those of 0."""
+    """0 flies north, 3 m above 1, which comes towards it and is to yield; `troubles` and the fields of `Flown` in `one` are of 1."""
     found = []
     for sign, way in zip((1.0, -1.0), ways, strict=True):
         start, end = (
@@ -31,7 +31,7 @@ def head_on(
         )
         settings = VehicleSettings(cruise_m_s=SPEED_M_S)
         found.append(Flown(persona, way, start, end, SPEED_M_S, AirframeLimits(acceleration_m_s2=2.5), settings, ()))
-    found[0] = found[0]._replace(troubles=troubles, **zero)
+    found[1] = found[1]._replace(troubles=troubles, **one)
     meeting = Meeting(1, found)
     meeting.run()
     return meeting
@@ -66,13 +66,13 @@ def height_m(meeting: Meeting, number: int) -> float:
 def test_two_that_a_ground_station_has_sent_once_pass_apart_in_one_manoeuvre_each(persona: PersonaName) -> None:
     meeting = head_on(persona)
     assert least_m(meeting) > APART_M
-    for unit in "01":
-        assert notes(meeting, unit).count(f"{unit} flies on, apart in height") <= 1, "no stop and go"
-        assert sum("goes to" in note or "holds" in note for note in meeting.world.nodes[unit].notes) == 1
+    assert notes(meeting, "1").count(" for 0") == 1, "no stop and go"
+    assert notes(meeting, "1").count("1 flies on, free of 0") == 1
+    assert "0 agrees with 1: 1 makes room" in notes(meeting, "0")
 
 
 @PERSONAS
-def test_who_climbed_stays_above_until_the_other_is_away_wherever_it_was_sent(persona: PersonaName) -> None:
+def test_who_makes_room_upright_does_so_until_the_other_is_away_wherever_it_was_sent(persona: PersonaName) -> None:
     meeting = head_on(persona)
     truth = [meeting.world.nodes[unit].truth for unit in "01"]
     metres = dict(separations_m(meeting.world, "0", "1"))
@@ -82,12 +82,12 @@ def test_who_climbed_stays_above_until_the_other_is_away_wherever_it_was_sent(pe
 
 @PERSONAS
 @pytest.mark.parametrize("result", [2, 4])
-def test_where_the_climbers_autopilot_refuses_every_order_the_partner_flies_all_of_it(
+def test_where_the_autopilot_of_who_yields_refuses_every_order_the_other_flies_all_of_it(
     persona: PersonaName, result: int
 ) -> None:
     meeting = head_on(persona, ("station", "station"), Trouble(f"refuse={result}", 0.0))
     assert least_m(meeting) > APART_M
-    assert "agrees with 0: leaves all of it to 1" in notes(meeting, "1")
+    assert "agrees with 1: leaves all of it to 0" in notes(meeting, "0")
 
 
 @PERSONAS
@@ -95,12 +95,12 @@ def test_a_fence_below_the_climb_is_seen_or_met_and_they_pass_apart(persona: Per
     fenced = VehicleSettings(cruise_m_s=SPEED_M_S, fence_on=1.0, fence_kinds=1.0, fence_highest_m=UP_M + 10.0)
     meeting = head_on(persona, settings=fenced)
     assert least_m(meeting) > APART_M
-    assert height_m(meeting, 0) < UP_M + 10.0
+    assert height_m(meeting, 1) < UP_M + 10.0
 
 
 @PERSONAS
 def test_where_a_ground_station_streams_its_target_to_one_the_other_flies_all_of_it(persona: PersonaName) -> None:
-    meeting = head_on(persona, ("streaming", "station"))
+    meeting = head_on(persona, ("station", "streaming"))
     assert least_m(meeting) > APART_M
 
 
@@ -139,7 +139,7 @@ def test_missions_that_may_be_interrupted_are_and_are_flown_on(persona: PersonaN
 def test_a_pilot_who_takes_over_in_the_middle_keeps_the_vehicle(persona: PersonaName, at_s: float) -> None:
     meeting = head_on(persona, ("station", "station"), Trouble("takeover", at_s, 5.0))
     assert least_m(meeting) > APART_M
-    late = [order for order in meeting.vehicles[0].sent if meeting.seconds(order.at_us) > at_s + 1.2]
+    late = [order for order in meeting.vehicles[1].sent if meeting.seconds(order.at_us) > at_s + 1.2]
     assert late == [], "nothing is sent until asked"
 
 
@@ -148,7 +148,7 @@ def test_a_pilot_who_takes_over_in_the_middle_keeps_the_vehicle(persona: Persona
 def test_an_autopilot_that_ends_in_the_middle_is_kept_away_from(persona: PersonaName, at_s: float) -> None:
     meeting = head_on(persona, ("station", "station"), Trouble("killed", at_s))
     assert least_m(meeting) > APART_M
-    late = [order for order in meeting.vehicles[0].sent if meeting.seconds(order.at_us) > at_s + 4.5]
+    late = [order for order in meeting.vehicles[1].sent if meeting.seconds(order.at_us) > at_s + 4.5]
     assert late == [], "nothing is commanded over a dead link"
 
 
