@@ -149,7 +149,9 @@ class SubscriptionKeeper(Part):
             if not silent:
                 self._again_us.pop(unit, None)
             if self._lacks(unit, silent, now_us):
-                self._ask(unit, needs[unit], now_us)
+                asked_for = needs[unit] if unit in self._renew else self._asked_for.get(unit, set())
+                wanted = {need for need in needs[unit] if need[0] in silent or need in asked_for}
+                self._ask(unit, wanted, now_us)
                 asked += 1
         self._next_us = min((self._look_us[unit] for unit in needs), default=0)
 
@@ -186,7 +188,7 @@ class SubscriptionKeeper(Part):
         }
 
     def _ask(self, unit: str, wanted: AbstractSet[tuple[str, int, int]], now_us: int) -> None:
-        """Ask for all of it; what stood ends when all of that is agreed to, so that no stream ends in between."""
+        """Ask for what is silent and what it was asked for before; what stood ends when all of that is agreed to."""
         if unit in self._asked_us:
             self._again_us[unit] = min(2 * self._again_us.get(unit, AGAIN_US // 2), AGAIN_MOST_US)
         self._asked_us[unit], self._asked_for[unit] = now_us, set(wanted)

@@ -32,6 +32,7 @@ from agents.separation.logic import (
     Step,
 )
 from agents.separation.neighbourhood import Neighbourhood
+from agents.separation.neighbours import Traffic3D
 from agents.separation.records import legs_of, legs_text
 from dyknow.model.errors import Refused
 from federation.members.clock import FederationClock
@@ -215,12 +216,14 @@ class GivingWay(Part):
         if situation is None:
             raise Refused("the vehicle is on the ground or not armed", "grounded")
         if content.because is not None:
-            return self._take(other, content.because, situation)
+            return self._take(other, content.because, legs, situation)
         return self._hear(other, legs, situation, now_us)
 
-    def _take(self, other: str, because: str, now: Situation) -> str:
-        """It leaves the meeting to us, if there is one by our own data."""
+    def _take(self, other: str, because: str, legs: tuple[IntendedPlace, ...], now: Situation) -> str:
+        """It leaves the meeting to us, if there is one on the way that it flies on."""
         known = self._neighbourhood.others.by_unit[other]
+        known.intent = known.intent._replace(rank=RightOfWay.CANNOT, legs=legs)
+        now = now._replace(traffic=self._traffic(now))
         if not self.logic.meets(now, other) <= SOON_S:
             raise Refused(f"nothing here shows that {other} comes near", "no-evidence")
         known.cannot, known.cannot_us = because, now.now_us
@@ -228,6 +231,14 @@ class GivingWay(Part):
         if reason is not None:
             raise Refused(reason, "cannot")
         return f"leaves all of it to {self._unit}: {because}"
+
+    def _traffic(self, now: Situation) -> Traffic3D:
+        """The tubes of all others, once more: one of them has just said something."""
+        fix, origin = self._pilot.fix, self._origin
+        if fix is None or origin is None:
+            return now.traffic
+        speed = max(now.performance.speed_m_s, fix.speed_m_s)
+        return self._neighbourhood.others.near(origin, fix, speed, now.now_us, STEPS)
 
     def _hear(self, other: str, legs: tuple[IntendedPlace, ...], now: Situation, now_us: int) -> str:
         """What it will fly: refused where it meets the manoeuvre that we fly, or a way of ours that cannot be changed."""
@@ -263,7 +274,9 @@ class GivingWay(Part):
                     self._propose(unit, Avoid(units=(self._unit, unit), legs=self._legs(manoeuvre.places)), now_us)
                 case Leave(unit, reason):
                     self._tell(f"{self._unit} does not avoid {unit}, which is to do all of it: {reason}", now_us)
-                    self._propose(unit, Avoid(units=(self._unit, unit), because=reason), now_us)
+                    own = self._neighbourhood.own.now(None)
+                    legs = "" if own is None else legs_text(own.legs)
+                    self._propose(unit, Avoid(units=(self._unit, unit), because=reason, legs=legs), now_us)
                 case Fly():
                     self._fly(step, now_us)
                 case GoOn(units):

@@ -140,9 +140,7 @@ class OwnIntent:
             return IntentSource.STATION, (IntendedPlace(*back[:3]),), IntentEnding.HOVER
         return IntentSource.HOVER, (), IntentEnding.HOVER if fix.speed_m_s < 1.0 else IntentEnding.OPEN
 
-    def _aside(
-        self, aside: Order | InterruptedMission
-    ) -> tuple[IntentSource, tuple[IntendedPlace, ...], IntentEnding]:
+    def _aside(self, aside: Order | InterruptedMission) -> tuple[IntentSource, tuple[IntendedPlace, ...], IntentEnding]:
         """What it did before it made room, and will do again."""
         source = IntentSource.MISSION if isinstance(aside, InterruptedMission) else IntentSource.ORDER
         order = aside.towards if isinstance(aside, InterruptedMission) else aside

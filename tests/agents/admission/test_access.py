@@ -1,12 +1,12 @@
 """Who reaches which service, in which way (thesis 9.3.2), and what is made of acts that are nobody's business."""
 
 import pytest
-from agents.flight.giving_way import GivingWay
 
 from agents.actions import COORDINATION, Action, Offer, ServiceTable
 from agents.admission.admission import NOT_TAKEN, Admission
 from agents.monitoring.alarm_log import AlarmLog
 from agents.platform import Platform
+from agents.separation.giving_way import GivingWay
 from dyknow.model.errors import ContentError
 from federation.members.offers import Visibility
 from federation.messages.acts import Act, AgentName, Performative, print_act

@@ -21,7 +21,7 @@ from federation.transport import Asked
 from navigation.vehicle import GoToOrder
 from reasoning import AlarmEvent
 from tests.agents.admission.raising import CASES, Fuses, callbacks
-from tests.agents.flight.test_giving_way import orders
+from tests.agents.separation.meetings import orders
 from tests.box import Box, Vehicle
 
 FULL = bool(os.environ.get("DYKNOW_FULL"))
@@ -31,7 +31,7 @@ OUT_OF_SIGHT = {("DirectoryAgent", name) for name in callbacks(DirectoryAgent)}
 FLYING = {"FlightAgent", "LocalInstance", "Admission", "DirectoryAgent"}
 """Parts without which no order reaches the vehicle."""
 AVOIDING = {
-    *FLYING, "GivingWay", "UnitMonitoring", "ImportProxy", "FederationAgent", "ExportProxy", "SubscriptionKeeper",
+    *FLYING, "GivingWay", "Neighbourhood", "UnitMonitoring", "ImportProxy", "FederationAgent", "ExportProxy", "SubscriptionKeeper",
     "Coordination", "TaskLife", "AlarmLog",
 }  # fmt: skip
 """Parts without which nothing is known of an encounter, or done about it."""
