@@ -26,7 +26,7 @@ import numpy as np
 
 from agents.separation.neighbours import Neighbour, Traffic3D
 from federation.members.directory import unit_order
-from navigation.intents.candidates import Allowed, PlannedManoeuvre, Yielding, plan, way_is_free
+from navigation.intents.candidates import NEVER_S, Allowed, PlannedManoeuvre, Yielding, plan, way_is_free
 from navigation.intents.intent import IntentEnding, RightOfWay
 from navigation.intents.meeting import MINIMA, clearance, closeness, first_meetings
 from navigation.intents.path import FlatMotion, FlatPlace, Performance, Tube, fly
@@ -41,6 +41,8 @@ OVER_US: Final = 1_500_000
 LEAST_US, FREE_US = 1_500_000, 500_000
 CANNOT_US: Final = 5_000_000
 MOST_ASKED: Final = 2
+WAITS_US: Final = 4_000_000
+"""So long one stands where it has made room before it looks for a way round."""
 NOTHING_FREE: Final = "no way is free of all others within its limits"
 
 
@@ -347,12 +349,23 @@ class SeparationLogic:
             return []
         if not way_is_free(self._yielding(now, everything=False)):
             manoeuvre.free_since_us = None
-            return []
+            return self._go_round(now, manoeuvre)
         if manoeuvre.free_since_us is None:
             manoeuvre.free_since_us = now.now_us
         if now.now_us < manoeuvre.free_since_us + FREE_US:
             return []
         return self._end(manoeuvre)
+
+    def _go_round(self, now: Situation, manoeuvre: Manoeuvre) -> list[Step]:
+        """Who has stood for a while since its way is not free looks for one that leads round what is in the way."""
+        due_us = max(manoeuvre.since_us, self._planned_us) + WAITS_US
+        if now.now_us < due_us or not _stands(now.motion):
+            return []
+        self._planned_us = now.now_us
+        found = plan(self._yielding(now, everything=True))
+        if found is None or found.minima is None or found.cost_s >= NEVER_S or not found.places:
+            return []
+        return self._begin(now, Manoeuvre(found, set(manoeuvre.units), now.now_us))
 
     def _end(self, manoeuvre: Manoeuvre) -> list[Step]:
         self.manoeuvre = None
@@ -430,3 +443,7 @@ class SeparationLogic:
         """Nothing keeps them apart any more: no task wants it."""
         steps: list[Step] = [Over(unit) for unit in units if self.meetings.pop(unit, None) is not None]
         return steps
+
+
+def _stands(motion: FlatMotion) -> bool:
+    return float(np.hypot(motion.north_m_s, motion.east_m_s)) < 0.5 and abs(motion.up_m_s) < 0.3

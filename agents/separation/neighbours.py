@@ -31,7 +31,8 @@ ALTITUDE_LEAP_M, ALTITUDE_LEAP_M_S = 6.0, 12.0
 WORD_US: Final = 1_000_000
 """An intent that is so much newer takes back that its vehicle cannot avoid another."""
 MOST: Final = 256
-_LONGEST: Final = 400
+_LONGEST: Final = 3600
+"""Half an hour: by then it stands where its legs end."""
 
 
 @dataclass(slots=True)
@@ -71,7 +72,7 @@ class Neighbour:
     def tubes(self, origin: FlatOrigin, now_us: int, steps: int) -> list[Tube]:
         """Where it will be from now on: as it said, and as its autopilot flies it when nobody is heard."""
         age_s = self.age_s(now_us)
-        needed = min(_LONGEST, max(STEPS, steps + int(age_s / STEP_S) + 1))
+        needed = min(_LONGEST, STEPS * (1 + (steps + int(age_s / STEP_S)) // STEPS))
         if self._of is None or self._of[0] is not self.intent or self._of[1] is not origin or self._of[2] < needed:
             other = contingent(self.intent, origin, needed)
             self._tubes = [nominal(self.intent, origin, needed), *([] if other is None else [other])]
