@@ -1,5 +1,6 @@
 """One run of the campaign: a situation, flown without neighbours and then together, and what came of it."""
 
+import gc
 import traceback
 from dataclasses import dataclass, field
 from statistics import median
@@ -11,7 +12,9 @@ from bench.campaign.flying import CampaignFlight, S
 from bench.campaign.situations import HOVER, Situation
 from bench.campaign.watching import STEP_US, Watch
 
-LONGEST_ALONE_S = 150.0
+SELDOM = 100_000, 50, 1_000
+"""When garbage is collected during a run: nearly all that a world makes stays until its end."""
+LONGEST_ALONE_S = 200.0
 LATE, LATE_S = 3.0, 60.0
 """A vehicle is stuck that needs longer than so many times its time alone, and so many seconds more."""
 CALM_S, EXPLAINED_S = 2.0, 15.0
@@ -65,13 +68,17 @@ def run(seed: int, drawn: Situation | None = None) -> CampaignRun:
     """Fly the situation of that seed, or the one that is given; what is raised is a violation."""
     drawn = situation(seed) if drawn is None else drawn
     found = CampaignRun(seed, str(drawn), drawn.causes)
-    began_s = process_time()
+    began_s, thresholds = process_time(), gc.get_threshold()
+    gc.set_threshold(*SELDOM)
     try:
         alone_s = _alone(drawn, found)
         _together(drawn, alone_s, found)
     except Exception as error:  # noqa: BLE001  (that is what is looked for)
         place = traceback.extract_tb(error.__traceback__)[-1]
         found.violations.append(f"raised {type(error).__name__}: {error} ({place.filename}:{place.lineno})")
+    finally:
+        gc.set_threshold(*thresholds)
+        gc.collect()
     found.cpu_s = process_time() - began_s
     return found
 

@@ -15,8 +15,8 @@ from agents.platform import Platform
 from bench.campaign.adapter import LEAVES, manoeuvre, why_not
 from bench.campaign.flying import FRAME, CampaignFlight, S
 from bench.campaign.situations import ENDS_ON_GROUND, HOVER, STREAMED, WITH_LEAVE
-from dyknow import NO_VALUE
-from dyknow.model.errors import DyknowError
+from dyknow import NO_VALUE, Label, Sample
+from dyknow.model.errors import ValueNotAvailable
 from reasoning import AlarmEvent, builtin_profiles
 from sim_uavs.dynamics.flight import GUIDED_MODES, Mode
 from sim_uavs.dynamics.quadcopter import Vector
@@ -36,7 +36,6 @@ OBSTRUCTING = (
     "silence",
     "refuse",
     "forget",
-    "takeover",
     "stream-target",
     "gps-loss",
     "nan",
@@ -54,6 +53,7 @@ class WatchedUnit:
         arrived_s: when it was first where its orders send it, since setting out.
         able_since_us, mode_since_us, silent_since_us: since when without a break it can be commanded, its mode is what it
             is, and its autopilot is silent.
+        taken_since_us: since when its pilot has it, which ends only when a user asks for it: in no flight of the campaign.
         manoeuvres: how many orders to keep apart it was given.
     """
 
@@ -67,6 +67,7 @@ class WatchedUnit:
     is_manoeuvring: bool = False
     reasonless_since_us: int | None = None
     last_alarm: AlarmEvent | None = None
+    taken_since_us: int | None = None
     life: Platform | None = None
     explained: str = ""
 
@@ -91,6 +92,7 @@ class Watch:
     least_m: float = 1e9
     track: float = 0.0
     orders: int = 0
+    _labels: list[Label] = field(default_factory=list)
     _steps: int = 0
     _near: set[tuple[int, int]] = field(default_factory=set)
     _heard_us: dict[tuple[int, int], tuple[int, int]] = field(default_factory=dict)
@@ -100,6 +102,7 @@ class Watch:
 
     def __post_init__(self) -> None:
         self.units = [WatchedUnit() for _ in self.flight.vehicles]
+        self._labels = [Label("heli-position", (str(number),)) for number in range(len(self.units))]
 
     @property
     def manoeuvres(self) -> int:
@@ -117,13 +120,15 @@ class Watch:
         self._steps += 1
         for number, unit in enumerate(self.units):
             self._look_at_vehicle(number, unit, places[number], now_us)
+        if flight.is_alone:
+            return
+        for number, unit in enumerate(self.units):
             self._look_at_orders(number, unit, now_us)
             self._look_at_platform(number, unit, now_us)
         if self._steps % LISTEN_STEPS == 0:
             self._listen(places, now_us)
             self.track += sum(place.north + 2.0 * place.east + 3.0 * place.down for place in places) * self._steps
-        if not flight.is_alone:
-            self._measure(places, now_us)
+        self._measure(places, now_us)
 
     # -- vehicles ----------------------------------------------------------------------------------------------
 
@@ -133,6 +138,8 @@ class Watch:
             unit.mode, unit.mode_since_us = vehicle.flight.mode, now_us
         silent = vehicle._faults.holds("silence", now_us)
         unit.silent_since_us = (unit.silent_since_us or now_us) if silent else None
+        if unit.taken_since_us is None and vehicle._faults.holds("takeover", now_us):
+            unit.taken_since_us = now_us
         unit.able_since_us = (unit.able_since_us or now_us) if self._is_able(number, now_us) else None
         if now_us >= self.flight.begin_us and (unit.arrived_s is None or self._stays(number)):
             there = self._is_there(number, place)
@@ -157,7 +164,7 @@ class Watch:
         takes = mode in GUIDED_MODES or (mode in LEAVES and kind in WITH_LEAVE)
         if node.process is None or node.frozen or not takes or kind == STREAMED:
             return False
-        if not (vehicle.flight.armed and vehicle.flight.airborne):
+        if self.units[number].taken_since_us is not None or not (vehicle.flight.armed and vehicle.flight.airborne):
             return False
         return not any(vehicle._faults.holds(fault, now_us) for fault in OBSTRUCTING)
 
@@ -166,16 +173,16 @@ class Watch:
     def _look_at_orders(self, number: int, unit: WatchedUnit, now_us: int) -> None:
         sent = self.flight.world.sent.pop(str(number), [])
         self.orders += len(sent)
-        vehicle = self.flight.vehicles[number]
         has_leave = self.flight.drawn.vehicles[number].way.kind in WITH_LEAVE
         for order in sent:
             name = type(order.command.order).__name__
             if unit.silent_since_us is not None and order.at_us > unit.silent_since_us + DEAD_US:
                 self._violate(number, f"{name} over a dead link")
-            taken = vehicle._faults.holds("takeover", now_us)
+            if unit.taken_since_us is not None and order.at_us > unit.taken_since_us + HANDS_US:
+                self._violate(number, f"{name} while its pilot has it")
             flies_itself = unit.mode not in GUIDED_MODES and not (has_leave and unit.mode in LEAVES)
-            if (taken or flies_itself) and order.at_us > unit.mode_since_us + HANDS_US:
-                self._violate(number, f"{name} while {'the pilot has it' if taken else f'in mode {unit.mode}'}")
+            if flies_itself and order.at_us > unit.mode_since_us + HANDS_US:
+                self._violate(number, f"{name} in mode {unit.mode}")
 
     def _look_at_platform(self, number: int, unit: WatchedUnit, now_us: int) -> None:
         node = self.flight.world.nodes[str(number)]
@@ -261,12 +268,9 @@ class Watch:
             platform = world.nodes[str(number)].platform
             if platform is None:
                 continue
-            try:
-                sample = platform.ports.gateway.latest("heli-position", str(other))
-            except DyknowError:
-                continue
+            sample = _newest(platform, self._labels[other])
             valid_us, _ = self._heard_us.get((number, other), (0, 0))
-            if sample.value is NO_VALUE or sample.valid_us <= valid_us:
+            if sample is None or sample.valid_us <= valid_us:
                 continue
             north_m, east_m, _ = FRAME.to_ned(*sample.value, FRAME.altitude_m)
             if Vector(north_m, east_m, 0.0).minus(places[other]).horizontal <= TRUTHFUL_M:
@@ -308,3 +312,15 @@ class Watch:
         else:
             why = "not heard" if not heard else "neither could be commanded"
             self.untold.append(f"{words}, {why}, told at {sum(told)} of 2 sides")
+
+
+def _newest(platform: Platform, label: Label) -> Sample | None:
+    """The newest sample of a stream of the platform's own instance, if there is one with a value."""
+    network = platform.ports.network
+    if not network.has(label):
+        return None
+    try:
+        sample = network.snapshot(label).get_latest_vtime()
+    except ValueNotAvailable:
+        return None
+    return None if sample.value is NO_VALUE else sample
