@@ -123,7 +123,7 @@ class Watch:
         if flight.is_alone:
             return
         for number, unit in enumerate(self.units):
-            self._look_at_orders(number, unit, now_us)
+            self._look_at_orders(number, unit)
             self._look_at_platform(number, unit, now_us)
         if self._steps % LISTEN_STEPS == 0:
             self._listen(places, now_us)
@@ -170,7 +170,7 @@ class Watch:
 
     # -- orders and manoeuvres ---------------------------------------------------------------------------------
 
-    def _look_at_orders(self, number: int, unit: WatchedUnit, now_us: int) -> None:
+    def _look_at_orders(self, number: int, unit: WatchedUnit) -> None:
         sent = self.flight.world.sent.pop(str(number), [])
         self.orders += len(sent)
         has_leave = self.flight.drawn.vehicles[number].way.kind in WITH_LEAVE
