@@ -19,7 +19,7 @@ def situation(seed: int) -> Situation:
     random = Random(f"campaign {seed}")
     geometry = GEOMETRIES[seed % len(GEOMETRIES)]
     count = random.choice((2, 2, 2, 3, 3, 4, 5, 6))
-    found = drawn_ways(random, geometry, count)
+    found = [way._replace(by_user=random.random() < 0.5) for way in drawn_ways(random, geometry, count)]
     wind = Wind()
     if random.random() < 0.5:
         wind = Wind(random.uniform(-5.0, 5.0), random.uniform(-5.0, 5.0), random.uniform(0.0, 1.5))

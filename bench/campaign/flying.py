@@ -11,7 +11,7 @@ from agents.config import PlatformConfig
 from agents.flight.places import FlightPlan, Waypoint
 from bench.campaign import situations as ways
 from bench.campaign.situations import WITH_LEAVE, DrawnVehicle, Situation, Trouble
-from federation.messages.contents import Goto, MonitorProximity
+from federation.messages.contents import Goto, Land, MonitorProximity, ReturnHome
 from federation.messages.dialogue import Dialogue
 from navigation.geodesy import LocalFrame
 from navigation.vehicle import Command
@@ -137,6 +137,9 @@ class CampaignFlight:
             case ways.AUTO | ways.AUTO_LEAVE:
                 flight.items = tuple(Item(MissionAction.FLY_TO, place) for place in places)
                 flight.set_mode(Mode.AUTO)
+            case ways.RTL | ways.RTL_LEAVE | ways.LAND | ways.LAND_LEAVE if way.by_user:
+                is_return = way.kind in {ways.RTL, ways.RTL_LEAVE}
+                self.world.ask(CENTRE, str(number), ReturnHome() if is_return else Land())
             case ways.RTL | ways.RTL_LEAVE:
                 flight.set_mode(Mode.RTL)
             case ways.LAND | ways.LAND_LEAVE:

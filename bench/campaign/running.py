@@ -55,7 +55,9 @@ class CampaignRun:
 
     def line(self) -> str:
         """One line for a reader."""
-        counts = f"breaches {len(self.breaches)}  untold {len(self.untold)}  stuck {len(self.stuck)}"
+        counts = (
+            f"breaches {len(self.breaches)}  untold {len(self.untold)}  told {len(self.told)}  stuck {len(self.stuck)}"
+        )
         factor = f"x {median(self.factors):.2f}" if self.factors else "x  -  "
         least = f"{self.least_m:5.1f} m" if self.least_m < 1e4 else "    -  "
         return (

@@ -20,11 +20,15 @@ ENDS_ON_GROUND = frozenset({RTL, RTL_LEAVE, LAND, LAND_LEAVE})
 
 
 class Way(NamedTuple):
-    """From where to where a vehicle flies, through which places, and by which order it does (`kind`); speed over ground in m/s."""
+    """From where to where a vehicle flies, through which places, and by which order it does (`kind`); speed over ground in m/s.
+
+    `by_user`: a user orders it to return or land through its platform; otherwise a ground station does.
+    """
 
     kind: str
     places: tuple[Vector, ...]
     speed_m_s: float
+    by_user: bool = False
 
     @property
     def start(self) -> Vector:
