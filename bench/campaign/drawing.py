@@ -57,7 +57,7 @@ def _vehicle(random: Random, way: Way) -> DrawnVehicle:
 
 
 def _at_s(random: Random) -> float:
-    return random.uniform(0.0, 40.0)
+    return random.uniform(0.0, 30.0)
 
 
 def _of_vehicle(kind: str, fault: Callable[[Random], str], for_s: tuple[float, float] | None) -> _Draw:

@@ -15,6 +15,8 @@ from bench.campaign.watching import STEP_US, Watch
 SELDOM = 100_000, 50, 1_000
 """When garbage is collected during a run: nearly all that a world makes stays until its end."""
 LONGEST_ALONE_S = 200.0
+LEAST_S = 35.0
+"""Each flight lasts at least so long: until all that goes wrong has begun."""
 LATE, LATE_S = 3.0, 60.0
 """A vehicle is stuck that needs longer than so many times its time alone, and so many seconds more."""
 CALM_S, EXPLAINED_S = 2.0, 15.0
@@ -133,7 +135,7 @@ def _together(drawn: Situation, alone_s: list[float | None], found: CampaignRun)
 def _fly(flight: CampaignFlight, watch: Watch, alone_s: list[float | None]) -> None:
     """Until all have arrived that may, and no vehicle manoeuvres; or one is late."""
     world = flight.world
-    least_s = max([10.0, *(2.0 + each for each in alone_s if each is not None)])
+    least_s = max([LEAST_S, *(2.0 + each for each in alone_s if each is not None)])
     calm_since_s = explained_since_s = 0.0
     while True:
         world.run_until(world.now_us + STEP_US)

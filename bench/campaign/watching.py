@@ -272,7 +272,8 @@ class Watch:
             valid_us, _ = self._heard_us.get((number, other), (0, 0))
             if sample is None or sample.valid_us <= valid_us:
                 continue
-            north_m, east_m, _ = FRAME.to_ned(*sample.value, FRAME.altitude_m)
+            latitude_deg, longitude_deg = sample.value
+            north_m, east_m, _ = FRAME.to_ned(latitude_deg, longitude_deg, FRAME.altitude_m)
             if Vector(north_m, east_m, 0.0).minus(places[other]).horizontal <= TRUTHFUL_M:
                 self._heard_us[number, other] = sample.valid_us, now_us
 
