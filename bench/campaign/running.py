@@ -3,6 +3,7 @@
 import gc
 import traceback
 from dataclasses import dataclass, field
+from math import inf
 from statistics import median
 from time import process_time
 
@@ -68,15 +69,18 @@ class CampaignRun:
         )
 
 
-def run(seed: int, drawn: Situation | None = None) -> CampaignRun:
-    """Fly the situation of that seed, or the one that is given; what is raised is a violation."""
+def run(seed: int, drawn: Situation | None = None, *, longest_s: float = inf) -> CampaignRun:
+    """Fly the situation of that seed, or the one that is given; what is raised is a violation.
+
+    It ends by itself; after `longest_s` it is ended, and what has not arrived by then counts as stuck.
+    """
     drawn = situation(seed) if drawn is None else drawn
     found = CampaignRun(seed, str(drawn), drawn.causes)
     began_s, thresholds = process_time(), gc.get_threshold()
     gc.set_threshold(*SELDOM)
     try:
         alone_s = _alone(drawn, found)
-        _together(drawn, alone_s, found)
+        _together(drawn, alone_s, found, longest_s)
     except Exception as error:  # noqa: BLE001  (that is what is looked for)
         place = traceback.extract_tb(error.__traceback__)[-1]
         found.violations.append(f"raised {type(error).__name__}: {error} ({place.filename}:{place.lineno})")
@@ -103,11 +107,11 @@ def _alone(drawn: Situation, found: CampaignRun) -> list[float | None]:
     return [unit.arrived_s for unit in watch.units]
 
 
-def _together(drawn: Situation, alone_s: list[float | None], found: CampaignRun) -> None:
+def _together(drawn: Situation, alone_s: list[float | None], found: CampaignRun, longest_s: float) -> None:
     flight = CampaignFlight(drawn)
     watch = Watch(flight)
     try:
-        _fly(flight, watch, alone_s)
+        _fly(flight, watch, alone_s, longest_s)
     finally:
         found.least_m, found.breaches, found.untold, found.told = (
             watch.least_m,
@@ -132,12 +136,12 @@ def _together(drawn: Situation, alone_s: list[float | None], found: CampaignRun)
             found.stuck.append(f"{number} by {way.kind}, {undisturbed_s:.0f} s alone, {flight.seconds():.0f} s later")
 
 
-def _fly(flight: CampaignFlight, watch: Watch, alone_s: list[float | None]) -> None:
+def _fly(flight: CampaignFlight, watch: Watch, alone_s: list[float | None], longest_s: float) -> None:
     """Until all have arrived that may, and no vehicle manoeuvres; or one is late."""
     world = flight.world
     least_s = max([LEAST_S, *(2.0 + each for each in alone_s if each is not None)])
     calm_since_s = explained_since_s = 0.0
-    while True:
+    while flight.seconds() < longest_s:
         world.run_until(world.now_us + STEP_US)
         watch.step()
         now_s = flight.seconds()
