@@ -50,14 +50,23 @@ class VehicleSettings:
     winch_type: float = 0.0
     winch_m_s: float = 1.0
 
+    @property
+    def fence(self) -> tuple[float | None, float | None, float | None]:
+        """Lowest, highest and farthest from home that the fence allows, in metres; None where it has no such bound."""
+        kinds = int(self.fence_kinds) if self.fence_on else 0
+        return (
+            self.fence_lowest_m if kinds & FENCE_LOWEST else None,
+            self.fence_highest_m if kinds & FENCE_HIGHEST else None,
+            self.fence_radius_m if kinds & FENCE_RADIUS else None,
+        )
+
     def is_fenced_off(self, away_m: float, height_m: float) -> bool:
         """Whether a point so far from home and so high above it lies outside of the fence, by the kinds that are on."""
-        kinds = int(self.fence_kinds) if self.fence_on else 0
-        highest, far, lowest = kinds & FENCE_HIGHEST, kinds & FENCE_RADIUS, kinds & FENCE_LOWEST
+        lowest_m, highest_m, radius_m = self.fence
         return bool(
-            (highest and height_m > self.fence_highest_m)
-            or (far and away_m > self.fence_radius_m)
-            or (lowest and height_m < self.fence_lowest_m)
+            (highest_m is not None and height_m > highest_m)
+            or (radius_m is not None and away_m > radius_m)
+            or (lowest_m is not None and height_m < lowest_m)
         )
 
 

@@ -275,7 +275,19 @@ class SimulatedVehicle(SensedFlight):
         ]
         if isinstance(flight.target, GoingTo):
             found.append(vehicle.TargetReport(stamp_us, *self._frame.from_ned(*flight.target.point)))
-        return found
+        if flight.items:
+            found.append(vehicle.MissionReport(stamp_us, flight.progress.item))
+        return [*found, *self._bounding(stamp_us)]
+
+    def _bounding(self, stamp_us: int) -> list[vehicle.Report]:
+        """Its fence, and what it does without its link: nothing else than with it, as no failsafe is flown here."""
+        settings, continues = self.flight.settings, vehicle.LinkLossAction.CARRY_ON
+        return [
+            vehicle.FenceReport(stamp_us, *settings.fence),
+            vehicle.FailsafeReport(
+                stamp_us, continues, settings.link_loss_s, continues, continues, settings.return_m, settings.final_m
+            ),
+        ]
 
     def on_command(self, command: vehicle.Command, now_us: int, stamp_us: int) -> list[tuple[int, vehicle.Report]]:
         """Carry out an order, or say why not: after how long the answer comes, and what it is.

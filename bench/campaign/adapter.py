@@ -1,0 +1,42 @@
+"""How the campaign reads what a platform does to keep apart: the one place that knows the classes of the rule in the tree.
+
+All the rest of the campaign knows where the vehicles really are, which orders were sent, and which alarms are open.
+"""
+
+from typing import NamedTuple
+
+from agents.flight.flight import FlightAgent
+from agents.flight.giving_way import GivingWay
+from agents.platform import Platform
+from sim_uavs.dynamics.flight import Mode
+
+LEAVES = frozenset({Mode.AUTO, Mode.RTL, Mode.LAND})
+"""Modes out of which a platform with leave (`missions`) takes its vehicle in order to keep apart."""
+_EXPLAINING_NOTES = ("it is not known where the vehicle was going",)
+
+
+class Manoeuvre(NamedTuple):
+    """What a platform has its vehicle do in order to keep apart: the number of the order, and the units it is for."""
+
+    number: int
+    reasons: frozenset[str]
+
+
+def manoeuvre(platform: Platform) -> Manoeuvre | None:
+    """The manoeuvre that is under way, or None. It has no open reason if `reasons` is empty."""
+    diversion = platform.part(FlightAgent).pilot.diversion
+    if diversion is None or diversion.is_over:
+        return None
+    return Manoeuvre(diversion.command.number, frozenset(platform.part(GivingWay).encounters))
+
+
+def why_not(platform: Platform, notes: list[str]) -> str:
+    """Why the vehicle does not arrive where it was sent, as its user is told; empty: nothing is said of it."""
+    pilot = platform.part(FlightAgent).pilot
+    if pilot.claims.hands:
+        return pilot.claims.hands
+    if pilot._rests:
+        return pilot._rests
+    if pilot.errand is not None and pilot.errand.has_failed and pilot.diversion is None:
+        return pilot.errand.reason
+    return next((note for note in reversed(notes) if note.startswith(_EXPLAINING_NOTES)), "")

@@ -1,0 +1,108 @@
+"""Drawn flights that meet, judged by the true positions: the campaign of `bench/campaign`, and harmless ones of `bench/needless`.
+
+Twenty seeds, spread over the thousand that `-m full` takes.
+"""
+
+from math import inf
+
+import pytest
+
+from agents.flight.places import FlightLimits
+from bench.__main__ import measured
+from bench.campaign.drawing import TROUBLES, situation
+from bench.campaign.flying import CampaignFlight
+from bench.campaign.geometries import GEOMETRIES
+from bench.campaign.running import LEAST_S, run
+from bench.campaign.situations import AUTO, GOTO, STATION, DrawnVehicle, Situation, Way, are_apart
+from bench.campaign.watching import LEAST_M
+from bench.rows import Options
+from federation.messages.contents import MonitorProximity
+from sim_uavs.dynamics.quadcopter import AirframeLimits, Vector, Wind
+from sim_uavs.dynamics.settings import VehicleSettings
+
+KEEPS_APART = False
+"""Whether the rule in the tree keeps vehicles apart in all of them; while it does not, only what holds of any rule is asserted, of short flights."""
+SHORT = 20
+SEEDS = [pytest.param(seed, marks=() if seed <= SHORT else pytest.mark.full) for seed in range(1, 1001)]
+
+
+@pytest.mark.parametrize("seed", SEEDS)
+def test_a_drawn_flight_keeps_apart_or_tells_and_arrives_or_tells(seed: int) -> None:
+    found = run(seed, longest_s=inf if KEEPS_APART else LEAST_S)
+    raised = [violation for violation in found.violations if "raised" in violation or "ended" in violation]
+    assert not raised, found.what
+    assert found.lasted_s > LEAST_S - 1.0
+    if KEEPS_APART:
+        assert (found.breaches, found.untold, found.stuck, found.violations) == ([], [], [], []), found.what
+
+
+def test_a_seed_is_a_run() -> None:
+    first, again = run(2), run(2)
+    assert (first.track, first.least_m, first.factors) == (again.track, again.least_m, again.factors)
+    assert run(5).track != first.track
+
+
+def head_on(kind: str) -> Situation:
+    """Two at one height towards each other, as that order sends both, 12 s from where they meet."""
+    ways = [Way(kind, (Vector(-60.0 * sign, 0.0, -40.0), Vector(70.0 * sign, 0.0, -40.0)), 5.0) for sign in (1.0, -1.0)]
+    vehicles = tuple(
+        DrawnVehicle(way, AirframeLimits(), VehicleSettings(cruise_m_s=5.0), FlightLimits()) for way in ways
+    )
+    return Situation(0, "head-on", vehicles, (), Wind())
+
+
+@pytest.mark.parametrize(
+    ("kind", "task", "found"),
+    [
+        (STATION, MonitorProximity(avoidance=False), "breaches"),
+        (AUTO, None, "untold"),
+        (AUTO, MonitorProximity(), "told"),
+    ],
+)
+def test_two_that_pass_through_each_other_are_a_breach_if_they_could_be_commanded_and_else_told_or_not(
+    kind: str, task: MonitorProximity | None, found: str, monkeypatch: pytest.MonkeyPatch
+) -> None:
+    if task is None:
+        monkeypatch.setattr(CampaignFlight, "_delegate", lambda _flight: None)
+    else:
+        monkeypatch.setattr("bench.campaign.flying.MonitorProximity", lambda: task)
+    result = run(0, head_on(kind))
+    assert result.least_m < LEAST_M
+    assert [name for name in ("breaches", "untold", "told") if getattr(result, name)] == [found]
+    assert len(getattr(result, found)) == 1
+    assert result.factors == pytest.approx([1.0, 1.0], abs=0.1)
+
+
+def test_a_vehicle_that_waits_for_ever_is_stuck_and_what_raises_is_a_violation(monkeypatch: pytest.MonkeyPatch) -> None:
+    monkeypatch.setattr("bench.campaign.flying.CampaignFlight._send_to", waits_among_others)
+    assert len(run(0, head_on(GOTO)).stuck) == 2
+    monkeypatch.setattr("bench.campaign.watching.manoeuvre", lambda platform: platform.nothing)
+    (violation,) = run(0, head_on(STATION)).violations
+    assert violation.startswith("raised AttributeError")
+
+
+def waits_among_others(flight: CampaignFlight, number: int, place: Vector) -> None:
+    if flight.is_alone:
+        flight.vehicles[number].flight.go_to(place.minus(flight.offsets[number]))
+
+
+def test_all_geometries_and_all_troubles_are_drawn_and_no_two_set_out_near_each_other() -> None:
+    drawn = [situation(seed) for seed in range(1, 401)]
+    assert {each.geometry for each in drawn} == set(GEOMETRIES)
+    kinds = {trouble.kind for each in drawn for trouble in each.troubles}
+    assert len(kinds) == len(TROUBLES) - 1, "those that refuse do so for a while or for good"
+    assert 0.4 < sum(bool(each.troubles) for each in drawn) / len(drawn) < 0.6
+    for each in drawn:
+        assert are_apart([vehicle.way.start for vehicle in each.vehicles])
+        assert 2 <= len(each.vehicles) <= 6
+        assert all(
+            11.0 < -place.down < 120.0 or place == vehicle.way.end
+            for vehicle in each.vehicles
+            for place in vehicle.way.places
+        )
+
+
+@pytest.mark.parametrize("row", ["b19", "b20"])
+def test_its_rows_of_the_benchmark_run(row: str) -> None:
+    found = measured(row, Options(rounds=1, effort=0.01))
+    assert {bar["what"] for bar in found["bars"]}
