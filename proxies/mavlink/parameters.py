@@ -115,9 +115,10 @@ class VehicleParameters:
         told, action = self._told, self._action("NAV_DLL_ACT", _PX4_ACTIONS)
         lost_s = told.get("COM_DL_LOSS_T")
         delay_s = None if lost_s is None else lost_s + told.get("COM_FAIL_ACT_T", 0.0)
+        in_hold = _A.CARRY_ON if action is _A.HOLD else action  # to hold in Hold keeps the place that it flies to
         return FailsafeReport(
             valid_us,
-            action,
+            in_hold,
             delay_s,
             action,
             self._action("COM_OBL_RC_ACT", _PX4_OFFBOARD, _A.LAND),

@@ -184,9 +184,14 @@ class Autopilot(SensedFlight):
                 return self._parameters.read(message.param_id, message.param_index)
             case mavlink.MAVLINK_MSG_ID_PARAM_SET:
                 return self._parameters.write(message.param_id, message.param_value)
+            case mavlink.MAVLINK_MSG_ID_HEARTBEAT:
+                is_station = message.type == mavlink.MAV_TYPE_GCS
+                self._failsafe.on_heartbeat(message.get_srcSystem(), now_us, is_station=is_station)
             case mavlink.MAVLINK_MSG_ID_SET_POSITION_TARGET_GLOBAL_INT:
+                self._failsafe.on_setpoint(now_us)
                 self._commands.set_global_target(message)
             case mavlink.MAVLINK_MSG_ID_SET_POSITION_TARGET_LOCAL_NED:
+                self._failsafe.on_setpoint(now_us)
                 self._commands.set_local_target(message)
             case mavlink.MAVLINK_MSG_ID_TIMESYNC if message.tc1 == 0:
                 return [mavlink.MAVLink_timesync_message(self._snapshot(now_us).boot_ms * 1_000_000, message.ts1)]

@@ -204,6 +204,7 @@ PX4 = Persona(
         ParameterKind("RTL_RETURN_ALT", "return_m", 1.0, _REAL, 2, 3000),
         ParameterKind("NAV_DLL_ACT", "link_loss_action", 1.0, _INT, 0, 6),
         ParameterKind("COM_DL_LOSS_T", "link_loss_s", 1.0, _INT, 5, 300),
+        ParameterKind("COM_FAIL_ACT_T", "link_loss_wait_s", 1.0, _REAL, 0, 25),
         ParameterKind("COM_OBL_RC_ACT", "offboard_loss_action", 1.0, _INT, 0, 7),
         ParameterKind("COM_OF_LOSS_T", "offboard_loss_s", 1.0, _REAL, 0, 60),
         ParameterKind("BAT_LOW_THR", "battery_low", 1.0, _REAL, 0.05, 0.5),

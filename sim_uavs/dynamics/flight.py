@@ -139,7 +139,8 @@ class Flight:
 
     @property
     def landing(self) -> bool:
-        return self.airborne and (self.mode is Mode.LAND or (self.mode is Mode.RTL and self._over_home))
+        is_home = self.mode is Mode.RTL and self._over_home and not self.settings.final_m
+        return self.airborne and (self.mode is Mode.LAND or is_home)
 
     @property
     def taking_off(self) -> bool:
@@ -309,11 +310,11 @@ class Flight:
         return self.body.position.horizontal < _NEAR_M * 2
 
     def _return(self) -> tuple[Vector, float]:
-        """Rise to the return height where it is, fly home, land."""
-        here = self.body.position
-        if self._over_home or (self.target == GoingTo(ZERO) and here.horizontal < 5.0):
-            self.target = GoingTo(ZERO)
-            return self._come_down()
+        """Rise to the return height where it is, never sink to it; fly home; land, or stay at the final height."""
+        here, final = self.body.position, GoingTo(Vector(0.0, 0.0, -self.settings.final_m))
+        if self._over_home or (self.target == final and here.horizontal < 5.0):
+            self.target = final
+            return self._follow(final) if self.settings.final_m else self._come_down()
         height_m = max(self.settings.return_m, self.body.height_m)
         if self.body.height_m < self.settings.return_m - _NEAR_M:
             return self._follow(GoingTo(Vector(here.north, here.east, -height_m), self.body.yaw_rad))

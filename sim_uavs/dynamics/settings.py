@@ -42,6 +42,7 @@ class VehicleSettings:
     link_loss_action: float = 0.0
     link_loss_s: float = 5.0
     link_loss_options: float = 0.0
+    link_loss_wait_s: float = 0.0
     station_id: float = 255.0
     final_m: float = 0.0
     offboard_loss_action: float = 0.0
