@@ -41,7 +41,7 @@ class Autopilot(SensedFlight):
         self._commands = Commands(
             self.flight, self._frame, self._persona, lambda: self._disobeys(self._now_us), self.aim, lambda: self.hoist
         )
-        self._missions = Missions(self.flight, self._frame, self._persona)
+        self._missions = Missions(self.flight, self._frame, self._persona, self.fence)
         self._parameters = Parameters(self._persona, self.flight.settings, config.system_id)
         version = 1 if self._persona.is_mavlink_1 else 2
         self._links, self._decoder = Links(config.system_id, config.peers, now_us, version), Decoder(version)
@@ -275,6 +275,7 @@ class Autopilot(SensedFlight):
         capabilities = (
             mavlink.MAV_PROTOCOL_CAPABILITY_MAVLINK2
             | mavlink.MAV_PROTOCOL_CAPABILITY_MISSION_INT
+            | mavlink.MAV_PROTOCOL_CAPABILITY_MISSION_FENCE
             | mavlink.MAV_PROTOCOL_CAPABILITY_COMMAND_INT
             | mavlink.MAV_PROTOCOL_CAPABILITY_SET_POSITION_TARGET_LOCAL_NED
             | mavlink.MAV_PROTOCOL_CAPABILITY_SET_POSITION_TARGET_GLOBAL_INT

@@ -135,6 +135,7 @@ ARDUPILOT = Persona(
         ParameterKind("FENCE_ALT_MAX", "fence_highest_m", 1.0, _REAL, 10, 1000),
         ParameterKind("FENCE_ALT_MIN", "fence_lowest_m", 1.0, _REAL, -100, 100),
         ParameterKind("FENCE_RADIUS", "fence_radius_m", 1.0, _REAL, 30, 10_000),
+        ParameterKind("FENCE_OPTIONS", "fence_options", 1.0, _INT, 0, 7),
         ParameterKind("GRIP_ENABLE", "gripper_on", 1.0, _INT, 0, 1),
         ParameterKind("WINCH_TYPE", "winch_type", 1.0, _INT, 0, 2),
         ParameterKind("WINCH_RATE_MAX", "winch_m_s", 1.0, _REAL, 0, 10),

@@ -4,6 +4,7 @@ It knows metres north, east and down of its home and no protocol. Orders are ans
 happens later on its own is reported in `events`.
 """
 
+from collections.abc import Callable
 from dataclasses import replace
 from enum import StrEnum
 from math import isfinite, radians
@@ -106,6 +107,7 @@ class Flight:
         at_us: how far it has flown.
         slung: what hangs below it, if anything can.
         is_stuck: it does not leave the ground, whatever it is ordered.
+        is_barred: whether a point lies outside of the areas of its fence.
         takes: how many times as long as usual it takes to get anywhere.
     """
 
@@ -126,6 +128,7 @@ class Flight:
         self.slung: Hoist | None = None
         self.is_stuck, self.takes = False, 1.0
         self._rest_mode = rest_mode
+        self.is_barred: Callable[[Vector], bool] = lambda _point: False
         self._wind, self._gust = config.wind, ZERO
         self._rng = np.random.default_rng((config.seed, config.system_id, 1))
         self.at_us = now_us
@@ -200,7 +203,7 @@ class Flight:
             return refused
         if not all(map(isfinite, point)) or point.horizontal > _FARTHEST_M or not -_FARTHEST_M <= point.down <= 0.0:
             return FlightAnswer.OUT_OF_RANGE
-        if self.settings.is_fenced_off(point.horizontal, -point.down):
+        if self.settings.is_fenced_off(point.horizontal, -point.down) or self.is_barred(point):
             return FlightAnswer.OUTSIDE_FENCE
         self.target = GoingTo(point, yaw_rad if yaw_rad is not None and isfinite(yaw_rad) else None)
         return FlightAnswer.ACCEPTED

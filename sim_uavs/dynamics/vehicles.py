@@ -15,6 +15,7 @@ from navigation.heard_aircraft import HeardAircraft
 from sim_uavs.cameras.mount import Mount, MountLimits
 from sim_uavs.dynamics.aircraft import PassingAircraft, PassingTraffic
 from sim_uavs.dynamics.faults import ActiveFaults, FaultSchedule, SimulatedFault, spoil
+from sim_uavs.dynamics.fences import FlightFence
 from sim_uavs.dynamics.flight import GUIDED_MODES, Flight, FlightAnswer, GoingTo, Mode
 from sim_uavs.dynamics.link_loss import OWN_STATION, LinkFailsafe
 from sim_uavs.dynamics.quadcopter import ZERO, Vector
@@ -75,6 +76,8 @@ class SensedFlight:
         self.hoist: Hoist | None = None
         self._traffic = PassingTraffic()
         self._failsafe = LinkFailsafe(self.flight, config.persona)
+        self.fence = FlightFence(self.flight, self._frame, config.persona)
+        self.fence.take(config.fence)
 
     def carry(self, hoist: Hoist) -> None:
         """Have a winch with a magnet, from now on."""
@@ -144,6 +147,7 @@ class SensedFlight:
         """Have others command the vehicle, while that holds: a ground station, and a pilot at the sticks."""
         self._fail(now_us)
         self._failsafe.on_time(now_us)
+        self.fence.on_time()
         flight, hertz = self.flight, self._faults.amount("stream-target", now_us)
         if hertz is None:
             self._streamed = None
@@ -281,6 +285,8 @@ class SimulatedVehicle(SensedFlight):
         ]
         if isinstance(flight.target, GoingTo):
             found.append(vehicle.TargetReport(stamp_us, *self._frame.from_ned(*flight.target.point)))
+        if self.fence.areas:
+            found.append(self.fence.report(stamp_us))
         return found
 
     def on_command(self, command: vehicle.Command, now_us: int, stamp_us: int) -> list[tuple[int, vehicle.Report]]:

@@ -84,7 +84,7 @@ class Fault(Content):
 
 
 class Fence(ContentPart):
-    """What a vehicle does not leave: around a place, or within corners; metres above its home."""
+    """What a vehicle does not leave, or an exclusion does not enter: around a place, or within corners; metres above its home."""
 
     name: Line
     centre: Corner | None = None
