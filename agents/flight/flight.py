@@ -8,6 +8,7 @@ from agents.containment import Containment
 from agents.effects import Effect, InjectFault, Reported
 from agents.exchange.local_instance import LocalInstance
 from agents.flight.arbiter import Commander, in_words
+from agents.flight.arrival import Arrival
 from agents.flight.errand import Errand
 from agents.flight.giving_way import GivingWay
 from agents.flight.pilot import Pilot
@@ -96,6 +97,7 @@ class FlightAgent(Part):
         self._avoidance: ConditionEntry | None = None
         self._followed: Followed = (self, local)
         self._awaited: tuple[Act, Errand] | None = None
+        self._arriving: tuple[Act, Arrival] | None = None
 
     def labels(self) -> Iterable[LabelEntry]:
         return self.streams.entries()
@@ -154,6 +156,8 @@ class FlightAgent(Part):
         due_us = earlier(self.streams.deadline_us, self.pilot.deadline_us)
         if self._awaited is not None:
             due_us = earlier(due_us, self._awaited[1].words_due_us)
+        if self._arriving is not None:
+            due_us = earlier(due_us, self._arriving[1].deadline_us)
         return None if due_us is None else self._clock.wall_us(due_us)
 
     def on_time(self, now_us: int) -> None:
@@ -184,7 +188,10 @@ class FlightAgent(Part):
 
     def on_goto(self, act: Act, content: Goto, now_us: int) -> None:
         """`(goto ...)`; raises Refused, naming the rule, as all orders do."""
-        self._order(act, GoToOrder(content.latitude_deg, content.longitude_deg, content.altitude_m), now_us)
+        order = GoToOrder(content.latitude_deg, content.longitude_deg, content.altitude_m)
+        self._order(act, order, now_us)
+        if content.until is not None and self._awaited is not None:
+            self._arriving = act, Arrival(order, self._awaited[1])
 
     def on_hold(self, act: Act, _content: Hold, now_us: int) -> None:
         """`(hold)`"""
@@ -220,25 +227,45 @@ class FlightAgent(Part):
 
     def supersede(self, now_us: int) -> None:
         """A newer order is sent: end the wait for the one before."""
-        if self._awaited is not None:
-            self._fail(self._awaited[0], "overtaken by a newer order", now_us)
-        self._awaited = None
+        waiting = self._awaited or self._arriving
+        if waiting is not None:
+            self._fail(waiting[0], "overtaken by a newer order", now_us)
+        self._awaited = self._arriving = None
 
     def _tell(self, now_us: int) -> bool:
         """Inform of the order that is awaited if its outcome is known; whether it was."""
         if self._awaited is None:
-            return False
+            return self._tell_arrival(now_us)
         act, errand = self._awaited
         words_us = errand.words_due_us
         if words_us is not None and self.pilot.now_us < words_us:
             return False
         if errand.has_failed:
             self._fail(act, errand.reason, now_us)
+            self._arriving = None
+        elif errand.is_taken and self._arriving is not None:
+            self._awaited = None
+            return self._tell_arrival(now_us)
         elif errand.is_taken:
             self._agent.answer(act, Performative.INFORM, Done(text=errand.words), now_us)
         else:
             return False
         self._awaited = None
+        return True
+
+    def _tell_arrival(self, now_us: int) -> bool:
+        """Inform of the arrival that is awaited, or of the reason why it does not come; whether that is known."""
+        if self._arriving is None:
+            return False
+        act, arrival = self._arriving
+        arrival.look(self.pilot)
+        if not arrival.words:
+            return False
+        if arrival.has_failed:
+            self._fail(act, arrival.words, now_us)
+        else:
+            self._agent.answer(act, Performative.INFORM, Done(text=arrival.words), now_us)
+        self._arriving = None
         return True
 
     def _fail(self, act: Act, reason: str, now_us: int) -> None:

@@ -1,6 +1,6 @@
 """Orders to a vehicle, and faults of simulated ones."""
 
-from typing import Annotated
+from typing import Annotated, Literal
 
 from pydantic import Field
 
@@ -26,11 +26,12 @@ _Places = Annotated[tuple[Corner, ...], Field(max_length=MOST_PLACES)]
 
 
 class Goto(Content):
-    """Fly to a point: WGS-84, metres above mean sea level."""
+    """Fly to a point: WGS-84, metres above mean sea level; with `until` it is done when the vehicle is there."""
 
     latitude_deg: LatitudeDeg = Field(alias="latitude_deg")
     longitude_deg: LongitudeDeg = Field(alias="longitude_deg")
     altitude_m: AltitudeM = Field(alias="altitude_m")
+    until: Literal["arrival"] | None = None
 
 
 class Hold(Content):
