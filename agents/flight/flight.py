@@ -6,9 +6,11 @@ from typing import Final
 from agents.actions import QUERIED, Action, Offer, Role
 from agents.containment import Containment
 from agents.effects import Effect, InjectFault, Reported
+from agents.exchange.gateway import Gateway
 from agents.exchange.local_instance import LocalInstance
 from agents.flight.arbiter import Commander, in_words
 from agents.flight.arrival import Arrival
+from agents.flight.below import occupied_below
 from agents.flight.errand import Errand
 from agents.flight.giving_way import GivingWay
 from agents.flight.pilot import Pilot
@@ -19,6 +21,7 @@ from agents.part import Followed, Part
 from agents.tasks.requests import FLIGHT as FLIGHT_REQUESTS
 from dyknow import US_PER_S, Sample, earlier
 from federation.members.clock import FederationClock
+from federation.members.directory import DirectoryFacilitator
 from federation.members.offers import Service
 from federation.messages.acts import Act, Performative
 from federation.messages.contents import Done, Fault, FlightOutlook, Goto, Hold, Land, Reason, Resume, ReturnHome
@@ -60,6 +63,8 @@ class FlightAgent(Part):
         camera_frame: what metres of objects count from, with cameras.
         conditions: what all parts say of their state.
         contain: lets the pilot fly on when giving way raises.
+        gateway: where other units are, as far as this platform's streams know.
+        directory: the other members.
     """
 
     vital = True
@@ -87,8 +92,10 @@ class FlightAgent(Part):
         camera_frame: LocalFrame | None,
         conditions: Callable[[], Sequence[ConditionEntry]],
         contain: Containment,
+        gateway: Gateway,
+        directory: DirectoryFacilitator,
     ) -> None:
-        self._contain = contain
+        self._contain, self._gateway, self._directory = contain, gateway, directory
         self._profiles, self._frame, self._conditions = profiles, camera_frame, conditions
         self._agent, self._clock, self.pilot, self.streams, self._emit = agent, clock, pilot, streams, emit
         self._on_moved, self._note, self._offer = giving_way.on_moved, note, offer
@@ -198,7 +205,8 @@ class FlightAgent(Part):
         self._order(act, HoldOrder(), now_us)
 
     def on_land(self, act: Act, _content: Land, now_us: int) -> None:
-        """`(land)`"""
+        """`(land)`; refused while another member's vehicle is in the air below."""
+        self._check_below(now_us)
         self._order(act, LandOrder(), now_us)
 
     def on_return_home(self, act: Act, _content: ReturnHome, now_us: int) -> None:
@@ -213,6 +221,16 @@ class FlightAgent(Part):
             self._agent.done(act, now_us, f"mission {self.pilot.mission.name} continues, which waited: {waits}")
         else:
             self._await(act, commands, now_us)
+
+    def _check_below(self, now_us: int) -> None:
+        """Raise Refused if another vehicle is in the air below."""
+        pilot = self.pilot
+        if pilot.fix is not None:
+            units = [entry.unit for entry in self._directory.entries(gone=True)]
+            at_us, home_m = self._clock.federation_us(now_us), pilot.bounds.home_altitude_m
+            refusal = occupied_below(self._gateway, units, pilot.fix, home_m, at_us)
+            if refusal is not None:
+                raise refusal
 
     def _order(self, act: Act, order: Order, now_us: int) -> None:
         self._await(act, self.pilot.command(order), now_us)
