@@ -54,8 +54,10 @@ def command(*, example: str) -> Callable[[F], F]:
 
 USAGE: Any = typer.BadParameter.__mro__[1]
 """What a call that cannot be parsed raises: click's UsageError, which typer has of its own."""
-BARE: Mapping[str, str] = {"--control": "guided"}
-"""Options that may stand without a value, and the value that they then have."""
+BARE: Mapping[str, str] = {"--control": "guided", "--wait": "acceptance", "-w": "acceptance"}
+"""Options that may stand without a value, and the value that they then have; their metavar has brackets."""
+WORDS: Mapping[str, frozenset[str]] = dict.fromkeys(("--wait", "-w"), frozenset({"acceptance", "arrival"}))
+"""The values of those that may stand anywhere, also before what is no value of theirs."""
 
 
 class OwnCommand(TyperCommand):
@@ -63,8 +65,9 @@ class OwnCommand(TyperCommand):
 
     def parse_args(self, ctx: Any, args: list[str]) -> list[str]:
         whole = [
-            f"{given}={BARE[given]}" if given in BARE and after.startswith("-") else given
+            part
             for given, after in zip_longest(args, args[1:], fillvalue="-")
+            for part in ([given, BARE[given]] if self._is_bare(given, after) else [given])
         ]
         try:
             self._check_once(ctx, whole)
@@ -77,6 +80,13 @@ class OwnCommand(TyperCommand):
             elif name and not getattr(error, "possibilities", True):
                 error.message = f"No such option: {name}. {ctx.command_path} --help lists those there are."
             raise
+
+    def _is_bare(self, given: str, after: str) -> bool:
+        """Whether an option that may stand without a value does: what follows is none of its values."""
+        options: list[Any] = [each for each in self.params if given in BARE and given in each.opts]
+        if not any((each.metavar or "").startswith("[") for each in options):
+            return False
+        return after.startswith("-") or (given in WORDS and after not in WORDS[given])
 
     def _check_once(self, ctx: Any, args: list[str]) -> None:
         """Refuse an option that is given again where only its last value would count."""

@@ -8,6 +8,7 @@ from collections.abc import Mapping
 from enum import StrEnum
 from typing import NamedTuple, TypeAlias
 
+from navigation.fences import FenceArea
 from navigation.heard_aircraft import HeardAircraft
 
 LONGEST_LINE_M = 50.0
@@ -131,12 +132,19 @@ class MissionReport(NamedTuple):
 
 
 class FenceReport(NamedTuple):
-    """The autopilot's own fence: metres above home, and metres from home; None where it sets no such bound."""
+    """The autopilot's own fence: metres above home, and metres from home; None where it sets no such bound.
+
+    Attributes:
+        areas: polygons and circles that it keeps to, or stays out of.
+        is_union: it keeps to one of its inclusions, wherever they overlap or not; else to all of them at once.
+    """
 
     valid_us: int
     lowest_m: float | None = None
     highest_m: float | None = None
     radius_m: float | None = None
+    areas: tuple[FenceArea, ...] = ()
+    is_union: bool = False
 
 
 class LinkLossAction(StrEnum):
@@ -274,28 +282,10 @@ class CommandResult(NamedTuple):
 
 
 Report: TypeAlias = (
-    PositionReport
-    | VelocityReport
-    | LocalPositionReport
-    | AttitudeReport
-    | AccelerationReport
-    | BatteryReport
-    | HomeReport
-    | StatusReport
-    | TargetReport
-    | TextReport
-    | MissionReport
-    | FenceReport
-    | FailsafeReport
-    | FixReport
-    | MountReport
-    | WinchReport
-    | ImageReport
-    | TrafficReport
-    | LinkReport
-    | StationReport
-    | CommandResult
-)
+    PositionReport | VelocityReport | LocalPositionReport | AttitudeReport | AccelerationReport | BatteryReport | HomeReport
+    | StatusReport | TargetReport | TextReport | MissionReport | FenceReport | FailsafeReport | FixReport | MountReport
+    | WinchReport | ImageReport | TrafficReport | LinkReport | StationReport | CommandResult
+)  # fmt: skip
 
 
 class Arm(NamedTuple):

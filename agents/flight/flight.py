@@ -6,8 +6,11 @@ from typing import Final
 from agents.actions import QUERIED, Action, Offer, Role
 from agents.containment import Containment
 from agents.effects import Effect, InjectFault, Reported
+from agents.exchange.gateway import Gateway
 from agents.exchange.local_instance import LocalInstance
 from agents.flight.arbiter import Commander, in_words
+from agents.flight.arrival import Arrival
+from agents.flight.below import occupied_below
 from agents.flight.errand import Errand
 from agents.flight.pilot import Pilot
 from agents.flight.places import Waypoint, fences_of, place_text
@@ -17,6 +20,7 @@ from agents.part import Followed, Part
 from agents.tasks.requests import FLIGHT as FLIGHT_REQUESTS
 from dyknow import US_PER_S, Sample, earlier
 from federation.members.clock import FederationClock
+from federation.members.directory import DirectoryFacilitator
 from federation.members.offers import Service
 from federation.messages.acts import Act, Performative
 from federation.messages.contents import Done, Fault, FlightOutlook, Goto, Hold, Land, Reason, Resume, ReturnHome
@@ -58,6 +62,8 @@ class FlightAgent(Part):
         camera_frame: what metres of objects count from, with cameras.
         conditions: what all parts say of their state.
         contain: lets the pilot fly on when giving way raises.
+        gateway: where other units are, as far as this platform's streams know.
+        directory: the other members.
     """
 
     vital = True
@@ -85,8 +91,10 @@ class FlightAgent(Part):
         camera_frame: LocalFrame | None,
         conditions: Callable[[], Sequence[ConditionEntry]],
         contain: Containment,
+        gateway: Gateway,
+        directory: DirectoryFacilitator,
     ) -> None:
-        self._contain = contain
+        self._contain, self._gateway, self._directory = contain, gateway, directory
         self._profiles, self._frame, self._conditions = profiles, camera_frame, conditions
         self._agent, self._clock, self.pilot, self.streams, self._emit = agent, clock, pilot, streams, emit
         self._on_moved, self._note, self._offer = on_moved, note, offer
@@ -95,6 +103,7 @@ class FlightAgent(Part):
         self._avoidance: ConditionEntry | None = None
         self._followed: Followed = (self, local)
         self._awaited: tuple[Act, Errand] | None = None
+        self._arriving: tuple[Act, Arrival] | None = None
 
     def labels(self) -> Iterable[LabelEntry]:
         return self.streams.entries()
@@ -153,6 +162,8 @@ class FlightAgent(Part):
         due_us = earlier(self.streams.deadline_us, self.pilot.deadline_us)
         if self._awaited is not None:
             due_us = earlier(due_us, self._awaited[1].words_due_us)
+        if self._arriving is not None:
+            due_us = earlier(due_us, self._arriving[1].deadline_us)
         return None if due_us is None else self._clock.wall_us(due_us)
 
     def on_time(self, now_us: int) -> None:
@@ -183,14 +194,18 @@ class FlightAgent(Part):
 
     def on_goto(self, act: Act, content: Goto, now_us: int) -> None:
         """`(goto ...)`; raises Refused, naming the rule, as all orders do."""
-        self._order(act, GoToOrder(content.latitude_deg, content.longitude_deg, content.altitude_m), now_us)
+        order = GoToOrder(content.latitude_deg, content.longitude_deg, content.altitude_m)
+        self._order(act, order, now_us)
+        if content.until is not None and self._awaited is not None:
+            self._arriving = act, Arrival(order, self._awaited[1])
 
     def on_hold(self, act: Act, _content: Hold, now_us: int) -> None:
         """`(hold)`"""
         self._order(act, HoldOrder(), now_us)
 
     def on_land(self, act: Act, _content: Land, now_us: int) -> None:
-        """`(land)`"""
+        """`(land)`; refused while another member's vehicle is in the air below."""
+        self._check_below(now_us)
         self._order(act, LandOrder(), now_us)
 
     def on_return_home(self, act: Act, _content: ReturnHome, now_us: int) -> None:
@@ -206,6 +221,16 @@ class FlightAgent(Part):
         else:
             self._await(act, commands, now_us)
 
+    def _check_below(self, now_us: int) -> None:
+        """Raise Refused if another vehicle is in the air below."""
+        pilot = self.pilot
+        if pilot.fix is not None:
+            units = [entry.unit for entry in self._directory.entries(gone=True)]
+            at_us, home_m = self._clock.federation_us(now_us), pilot.bounds.home_altitude_m
+            refusal = occupied_below(self._gateway, units, pilot.fix, home_m, at_us)
+            if refusal is not None:
+                raise refusal
+
     def _order(self, act: Act, order: Order, now_us: int) -> None:
         self._await(act, self.pilot.command(order), now_us)
 
@@ -219,25 +244,45 @@ class FlightAgent(Part):
 
     def supersede(self, now_us: int) -> None:
         """A newer order is sent: end the wait for the one before."""
-        if self._awaited is not None:
-            self._fail(self._awaited[0], "overtaken by a newer order", now_us)
-        self._awaited = None
+        waiting = self._awaited or self._arriving
+        if waiting is not None:
+            self._fail(waiting[0], "overtaken by a newer order", now_us)
+        self._awaited = self._arriving = None
 
     def _tell(self, now_us: int) -> bool:
         """Inform of the order that is awaited if its outcome is known; whether it was."""
         if self._awaited is None:
-            return False
+            return self._tell_arrival(now_us)
         act, errand = self._awaited
         words_us = errand.words_due_us
         if words_us is not None and self.pilot.now_us < words_us:
             return False
         if errand.has_failed:
             self._fail(act, errand.reason, now_us)
+            self._arriving = None
+        elif errand.is_taken and self._arriving is not None:
+            self._awaited = None
+            return self._tell_arrival(now_us)
         elif errand.is_taken:
             self._agent.answer(act, Performative.INFORM, Done(text=errand.words), now_us)
         else:
             return False
         self._awaited = None
+        return True
+
+    def _tell_arrival(self, now_us: int) -> bool:
+        """Inform of the arrival that is awaited, or of the reason why it does not come; whether that is known."""
+        if self._arriving is None:
+            return False
+        act, arrival = self._arriving
+        arrival.look(self.pilot)
+        if not arrival.words:
+            return False
+        if arrival.has_failed:
+            self._fail(act, arrival.words, now_us)
+        else:
+            self._agent.answer(act, Performative.INFORM, Done(text=arrival.words), now_us)
+        self._arriving = None
         return True
 
     def _fail(self, act: Act, reason: str, now_us: int) -> None:

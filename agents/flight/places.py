@@ -2,17 +2,16 @@
 
 from collections.abc import Callable, Mapping
 from dataclasses import dataclass
-from math import hypot, isfinite
+from math import ceil, hypot, isfinite
 from typing import NamedTuple
 
 from federation.messages.contents import Fence
 from federation.messages.contents.flight import MOST_FENCES, MOST_PLACES
+from navigation.fences import FENCE_MARGIN_M, FenceArea, fence_refusal
 from navigation.geodesy import distance_m
 from navigation.vehicle import FenceReport, GoToOrder, HoldOrder, HomeReport, InterruptOrder, Order
 from reasoning import Profile
 
-FENCE_MARGIN_M = 2.0
-"""A vehicle that touches its own fence flies home: stay inside by what ArduPilot keeps (FENCE_MARGIN)."""
 LEAP_M = 50.0
 
 
@@ -132,7 +131,19 @@ class Bounds:
             return None
         if not all(map(isfinite, (order.latitude_deg, order.longitude_deg, order.altitude_m))):
             return "the place is not a number"
-        return self._too_low_or_high(order.altitude_m, limits) or self._too_far(order, limits, fix)
+        return (
+            self._too_low_or_high(order.altitude_m, limits)
+            or self._too_far(order, limits, fix)
+            or self._fenced_off(order, fix)
+        )
+
+    def _fenced_off(self, order: GoToOrder | InterruptOrder, fix: Fix | None) -> str | None:
+        """The polygon or circle of the autopilot's fence that forbids the place, or the straight way there."""
+        if self.fence is None or not self.fence.areas:
+            return None
+        here = None if fix is None else (fix.latitude_deg, fix.longitude_deg)
+        there = order.latitude_deg, order.longitude_deg
+        return fence_refusal(self.fence.areas, here, there, union=self.fence.is_union)
 
     def _too_low_or_high(self, altitude_m: float, limits: FlightLimits) -> str | None:
         home_m = self.home_altitude_m
@@ -174,6 +185,17 @@ def place_text(latitude_deg: float, longitude_deg: float) -> str:
     return f"{latitude_deg:.7f} {longitude_deg:.7f}"
 
 
+def _shown(area: FenceArea) -> Fence:
+    """A polygon or circle as acts write it; of more corners than an act holds every second, third, ... one."""
+    every = ceil(len(area.corners) / MOST_PLACES) or 1
+    return Fence(
+        name=f"autopilot: {area}",
+        centre=None if area.centre is None else place_text(*area.centre),
+        radius_m=None if area.centre is None else area.radius_m,
+        corners=tuple(place_text(*corner) for corner in area.corners[::every]),
+    )
+
+
 def fences_of(bounds: Bounds, limits: FlightLimits, profiles: Mapping[str, Profile]) -> tuple[Fence, ...]:
     """What this platform keeps its vehicle in, what the autopilot does, and what its profiles compare positions with."""
     home, own = bounds.home, bounds.fence
@@ -189,6 +211,7 @@ def fences_of(bounds: Bounds, limits: FlightLimits, profiles: Mapping[str, Profi
                 name="autopilot", centre=centre, radius_m=own.radius_m, lowest_m=own.lowest_m, highest_m=own.highest_m
             )
         )
+        found += map(_shown, own.areas)
     for name, profile in profiles.items():
         if profile.fence:
             corners = tuple(place_text(*corner) for corner in profile.fence[:MOST_PLACES])

@@ -6,8 +6,8 @@ All the rest of the campaign knows where the vehicles really are, which orders w
 from typing import NamedTuple
 
 from agents.flight.flight import FlightAgent
-from agents.flight.giving_way import GivingWay
 from agents.platform import Platform
+from agents.separation.giving_way import GivingWay
 from sim_uavs.dynamics.flight import Mode
 
 LEAVES = frozenset({Mode.AUTO, Mode.RTL, Mode.LAND})

@@ -9,12 +9,14 @@ from typing import Any
 
 from pymavlink.dialects.v20 import ardupilotmega as mavlink
 
+from navigation.fences import FenceArea
 from navigation.vehicle import FailsafeReport, FenceReport, LinkLossAction
 
 _ARDUPILOT, _PX4 = mavlink.MAV_AUTOPILOT_ARDUPILOTMEGA, mavlink.MAV_AUTOPILOT_PX4
 FENCE_PARAMETERS = {
     _ARDUPILOT: (
         "FENCE_ENABLE", "FENCE_AUTOENABLE", "FENCE_TYPE", "FENCE_ALT_MAX", "FENCE_ALT_MIN", "FENCE_RADIUS",
+        "FENCE_OPTIONS",
     ),
     _PX4: ("GF_ACTION", "GF_MAX_VER_DIST", "GF_MAX_HOR_DIST"),
 }  # fmt: skip
@@ -27,7 +29,9 @@ FAILSAFE_PARAMETERS = {
     _PX4: ("NAV_DLL_ACT", "COM_DL_LOSS_T", "COM_FAIL_ACT_T", "RTL_RETURN_ALT", "COM_OBL_RC_ACT", "COM_OF_LOSS_T"),
 }  # fmt: skip
 """The parameters that say what an autopilot does without its link, and how it returns; RTL_ALT_M is of ArduCopter 4.7."""
-_FENCE_HIGHEST, _FENCE_RADIUS, _FENCE_LOWEST = 1, 2, 8
+_FENCE_HIGHEST, _FENCE_RADIUS, _FENCE_AREAS, _FENCE_LOWEST = 1, 2, 4, 8
+_UNION = 1 << 1
+"""FENCE_OPTIONS: one of the inclusions is enough."""
 _MISSION_CONTINUES = 1 << 1
 """FS_OPTIONS: a mission continues although the ground station is lost."""
 _A = LinkLossAction
@@ -72,13 +76,13 @@ class VehicleParameters:
         """Those that the vehicle has not reported."""
         return tuple(name for name in _wanted(autopilot) if name not in self._told)
 
-    def fence(self, autopilot: int | None, valid_us: int) -> FenceReport:
-        """The bounds that its parameters set."""
+    def fence(self, autopilot: int | None, valid_us: int, areas: tuple[FenceArea, ...] = ()) -> FenceReport:
+        """The bounds that its parameters set, and the areas that were read, if they count."""
         told = self._told
         if autopilot == _PX4:
             names = ("GF_MAX_VER_DIST", "GF_MAX_HOR_DIST") if told.get("GF_ACTION", 0.0) else ()
-            bounds = [told.get(name, 0.0) or None for name in names] or [None, None]
-            return FenceReport(valid_us, None, *bounds)
+            highest_m, radius_m = [told.get(name, 0.0) or None for name in names] or [None, None]
+            return FenceReport(valid_us, None, highest_m, radius_m, areas if names else (), is_union=True)
         on = told.get("FENCE_ENABLE", 0.0) or told.get("FENCE_AUTOENABLE", 0.0)
         kinds = int(told.get("FENCE_TYPE", 0.0)) if on else 0
 
@@ -90,6 +94,8 @@ class VehicleParameters:
             bound(_FENCE_LOWEST, "FENCE_ALT_MIN"),
             bound(_FENCE_HIGHEST, "FENCE_ALT_MAX"),
             bound(_FENCE_RADIUS, "FENCE_RADIUS"),
+            areas if kinds & _FENCE_AREAS else (),
+            is_union=bool(int(told.get("FENCE_OPTIONS", 0.0)) & _UNION),
         )
 
     def failsafe(self, autopilot: int | None, valid_us: int) -> FailsafeReport:
@@ -115,9 +121,10 @@ class VehicleParameters:
         told, action = self._told, self._action("NAV_DLL_ACT", _PX4_ACTIONS)
         lost_s = told.get("COM_DL_LOSS_T")
         delay_s = None if lost_s is None else lost_s + told.get("COM_FAIL_ACT_T", 0.0)
+        in_hold = _A.CARRY_ON if action is _A.HOLD else action  # to hold in Hold keeps the place that it flies to
         return FailsafeReport(
             valid_us,
-            action,
+            in_hold,
             delay_s,
             action,
             self._action("COM_OBL_RC_ACT", _PX4_OFFBOARD, _A.LAND),

@@ -10,6 +10,7 @@ from typing import Any
 from pymavlink.dialects.v20 import ardupilotmega as mavlink
 
 from navigation import vehicle
+from navigation.fences import FenceArea
 from navigation.inertial import GRAVITY_M_S2
 from proxies.mavlink.parameters import FENCE_PARAMETERS, VehicleParameters
 
@@ -94,6 +95,7 @@ class VehicleReports:
         self.winch: vehicle.WinchReport | None = None
         self.mode, self.guided, self.heartbeats = "", False, 0
         self._parameters = VehicleParameters()
+        self._areas: tuple[FenceArea, ...] = ()
         self._airborne: bool | None = None
         self._satellite_altitude_m: float | None = None
         self._has_fix: bool | None = None
@@ -281,8 +283,13 @@ class VehicleReports:
         if name is None:
             return ()
         if name in FENCE_PARAMETERS[self.autopilot or 0]:
-            return (self._parameters.fence(self.autopilot, valid_us),)
+            return (self.fence(self._areas, valid_us),)
         return (self._parameters.failsafe(self.autopilot, valid_us),)
+
+    def fence(self, areas: tuple[FenceArea, ...], valid_us: int) -> vehicle.FenceReport:
+        """Its fence, with the polygons and circles that were read of it (`proxies.mavlink.fence_list`)."""
+        self._areas = areas
+        return self._parameters.fence(self.autopilot, valid_us, areas)
 
     @property
     def home_altitude_m(self) -> float | None:

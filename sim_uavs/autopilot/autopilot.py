@@ -41,7 +41,7 @@ class Autopilot(SensedFlight):
         self._commands = Commands(
             self.flight, self._frame, self._persona, lambda: self._disobeys(self._now_us), self.aim, lambda: self.hoist
         )
-        self._missions = Missions(self.flight, self._frame, self._persona)
+        self._missions = Missions(self.flight, self._frame, self._persona, self.fence)
         self._parameters = Parameters(self._persona, self.flight.settings, config.system_id)
         version = 1 if self._persona.is_mavlink_1 else 2
         self._links, self._decoder = Links(config.system_id, config.peers, now_us, version), Decoder(version)
@@ -184,9 +184,14 @@ class Autopilot(SensedFlight):
                 return self._parameters.read(message.param_id, message.param_index)
             case mavlink.MAVLINK_MSG_ID_PARAM_SET:
                 return self._parameters.write(message.param_id, message.param_value)
+            case mavlink.MAVLINK_MSG_ID_HEARTBEAT:
+                is_station = message.type == mavlink.MAV_TYPE_GCS
+                self._failsafe.on_heartbeat(message.get_srcSystem(), now_us, is_station=is_station)
             case mavlink.MAVLINK_MSG_ID_SET_POSITION_TARGET_GLOBAL_INT:
+                self._failsafe.on_setpoint(now_us)
                 self._commands.set_global_target(message)
             case mavlink.MAVLINK_MSG_ID_SET_POSITION_TARGET_LOCAL_NED:
+                self._failsafe.on_setpoint(now_us)
                 self._commands.set_local_target(message)
             case mavlink.MAVLINK_MSG_ID_TIMESYNC if message.tc1 == 0:
                 return [mavlink.MAVLink_timesync_message(self._snapshot(now_us).boot_ms * 1_000_000, message.ts1)]
@@ -270,6 +275,7 @@ class Autopilot(SensedFlight):
         capabilities = (
             mavlink.MAV_PROTOCOL_CAPABILITY_MAVLINK2
             | mavlink.MAV_PROTOCOL_CAPABILITY_MISSION_INT
+            | mavlink.MAV_PROTOCOL_CAPABILITY_MISSION_FENCE
             | mavlink.MAV_PROTOCOL_CAPABILITY_COMMAND_INT
             | mavlink.MAV_PROTOCOL_CAPABILITY_SET_POSITION_TARGET_LOCAL_NED
             | mavlink.MAV_PROTOCOL_CAPABILITY_SET_POSITION_TARGET_GLOBAL_INT

@@ -1,18 +1,21 @@
-"""The mission protocol: upload with re-requests, download, clear. Fence and rally lists are always empty."""
+"""The mission protocol: upload with re-requests, download, clear; of missions and of fences. Rally lists are always empty."""
 
 from typing import NamedTuple
 
 from pymavlink.dialects.v20 import all as mavlink
 
+from navigation.fences import FenceArea
 from navigation.geodesy import LocalFrame
+from proxies.mavlink.fence_list import FenceItem, read_areas
 from sim_uavs.autopilot.link import Message
 from sim_uavs.autopilot.personas import Persona
 from sim_uavs.autopilot.points import FRAMES, local_point
+from sim_uavs.dynamics.fences import FlightFence
 from sim_uavs.dynamics.flight import Flight
 from sim_uavs.dynamics.missions import Item, MissionAction
 from sim_uavs.dynamics.settings import Peer
 
-_MISSION = mavlink.MAV_MISSION_TYPE_MISSION
+_MISSION, _FENCE = mavlink.MAV_MISSION_TYPE_MISSION, mavlink.MAV_MISSION_TYPE_FENCE
 _MOST_ITEMS = 200
 _ASK_AGAIN_US = 500_000
 _MOST_ASKS = 20
@@ -50,6 +53,7 @@ class _Upload(NamedTuple):
     """An upload under way: the items so far, and when the next was last asked for."""
 
     asker: Asker
+    kind: int
     total: int
     stored: tuple[_Stored, ...]
     asked_us: int
@@ -57,18 +61,18 @@ class _Upload(NamedTuple):
 
 
 class Missions:
-    """One vehicle's mission list on the wire; what can be flown of it goes to `flight.items`."""
+    """One vehicle's lists on the wire; what can be flown goes to `flight.items`, what it keeps to goes to `fence`."""
 
-    def __init__(self, flight: Flight, frame: LocalFrame, persona: Persona) -> None:
-        self._flight, self._frame, self._persona = flight, frame, persona
-        self._stored: tuple[_Stored, ...] = ()
+    def __init__(self, flight: Flight, frame: LocalFrame, persona: Persona, fence: FlightFence) -> None:
+        self._flight, self._frame, self._persona, self._fence = flight, frame, persona, fence
+        self._lists: dict[int, tuple[_Stored, ...]] = {_MISSION: (), _FENCE: _fence_items(fence.areas)}
         self._upload: _Upload | None = None
         self._last: Asker | None = None
         flight.first_item = 1 if persona.home_is_item_0 else 0
 
     @property
     def count(self) -> int:
-        return len(self._stored)
+        return len(self._lists[_MISSION])
 
     @property
     def deadline_us(self) -> int | None:
@@ -81,26 +85,28 @@ class Missions:
             return []
         if upload.asks >= _MOST_ASKS:
             self._upload = None
-            return [(upload.asker, self._ack(upload.asker, mavlink.MAV_MISSION_OPERATION_CANCELLED))]
+            return [(upload.asker, self._ack(upload.asker, mavlink.MAV_MISSION_OPERATION_CANCELLED, upload.kind))]
         return [(upload.asker, self._ask(upload, now_us))]
 
     def on_count(self, asker: Asker, message: Message, now_us: int) -> list[Message]:
         """The start of an upload; a repeated start restarts it."""
-        if message.mission_type != _MISSION:
-            return [self._ack(asker, mavlink.MAV_MISSION_UNSUPPORTED, message.mission_type)]
+        kind = message.mission_type
+        if kind not in self._lists:
+            return [self._ack(asker, mavlink.MAV_MISSION_UNSUPPORTED, kind)]
         if message.count > _MOST_ITEMS:
-            return [self._ack(asker, mavlink.MAV_MISSION_NO_SPACE)]
+            return [self._ack(asker, mavlink.MAV_MISSION_NO_SPACE, kind)]
         if self._upload is not None and self._upload.asker != asker:
-            return [self._ack(asker, mavlink.MAV_MISSION_DENIED)]
+            return [self._ack(asker, mavlink.MAV_MISSION_DENIED, kind)]
         if message.count == 0:
             return self.on_clear(asker, message)
-        return [self._ask(_Upload(asker, message.count, (), now_us, 0), now_us)]
+        return [self._ask(_Upload(asker, kind, message.count, (), now_us, 0), now_us)]
 
     def on_item(self, asker: Asker, message: Message, now_us: int) -> list[Message]:
-        upload = self._upload
-        if upload is None or upload.asker != asker:
-            done = asker == self._last and message.seq == len(self._stored) - 1
-            return [self._ack(asker, mavlink.MAV_MISSION_ACCEPTED if done else mavlink.MAV_MISSION_INVALID_SEQUENCE)]
+        upload, kind = self._upload, message.mission_type
+        if upload is None or upload.asker != asker or upload.kind != kind:
+            done = asker == self._last and message.seq == len(self._lists.get(kind, ())) - 1
+            result = mavlink.MAV_MISSION_ACCEPTED if done else mavlink.MAV_MISSION_INVALID_SEQUENCE
+            return [self._ack(asker, result, kind)]
         if message.seq != len(upload.stored):
             return [self._ask(upload, now_us)]
         params = (message.param1, message.param2, message.param3, message.param4)
@@ -109,22 +115,28 @@ class Missions:
         if len(upload.stored) < upload.total:
             return [self._ask(upload, now_us)]
         self._upload = None
-        return [self._ack(asker, self._take(asker, upload.stored))]
+        take = self._take_fence if kind == _FENCE else self._take
+        return [self._ack(asker, take(asker, upload.stored), kind)]
 
     def on_clear(self, asker: Asker, message: Message) -> list[Message]:
         if message.mission_type in {_MISSION, mavlink.MAV_MISSION_TYPE_ALL}:
-            self._upload, self._stored, self._flight.items = None, (), ()
+            self._upload, self._lists[_MISSION], self._flight.items = None, (), ()
+        if message.mission_type in {_FENCE, mavlink.MAV_MISSION_TYPE_ALL}:
+            self._upload, self._lists[_FENCE] = None, ()
+            self._fence.take(())
         return [self._ack(asker, mavlink.MAV_MISSION_ACCEPTED, message.mission_type)]
 
     def on_list(self, asker: Asker, message: Message) -> list[Message]:
-        count = len(self._stored) if message.mission_type == _MISSION else 0
+        count = len(self._lists.get(message.mission_type, ()))
         return [mavlink.MAVLink_mission_count_message(asker.system, asker.component, count, message.mission_type)]
 
     def on_request(self, asker: Asker, message: Message) -> list[Message]:
-        if message.mission_type != _MISSION or message.seq >= len(self._stored):
-            return [self._ack(asker, mavlink.MAV_MISSION_INVALID_SEQUENCE, message.mission_type)]
-        s = self._stored[message.seq]
-        current = int(message.seq == self._flight.progress.item)
+        kind = message.mission_type
+        stored = self._lists.get(kind, ())
+        if message.seq >= len(stored):
+            return [self._ack(asker, mavlink.MAV_MISSION_INVALID_SEQUENCE, kind)]
+        s = stored[message.seq]
+        current = int(kind == _MISSION and message.seq == self._flight.progress.item)
         return [
             mavlink.MAVLink_mission_item_int_message(
                 asker.system,
@@ -138,14 +150,14 @@ class Missions:
                 s.x,
                 s.y,
                 s.z,
-                _MISSION,
+                kind,
             )
         ]
 
     def _ask(self, upload: _Upload, now_us: int) -> Message:
         self._upload = upload._replace(asked_us=now_us, asks=upload.asks + 1)
         seq, asker = len(upload.stored), upload.asker
-        return mavlink.MAVLink_mission_request_int_message(asker.system, asker.component, seq, _MISSION)
+        return mavlink.MAVLink_mission_request_int_message(asker.system, asker.component, seq, upload.kind)
 
     @staticmethod
     def _ack(asker: Asker, result: int, mission_type: int = _MISSION) -> Message:
@@ -159,9 +171,18 @@ class Missions:
             if isinstance(item, int):
                 return item
             items.append(item)
-        self._stored, self._last = stored, asker
+        self._lists[_MISSION], self._last = stored, asker
         self._flight.items = tuple(items)
         self._flight.set_item(min(self._flight.first_item, len(items) - 1))
+        return int(mavlink.MAV_MISSION_ACCEPTED)
+
+    def _take_fence(self, asker: Asker, stored: tuple[_Stored, ...]) -> int:
+        """Keep to a whole fence, or to the one before when there is something wrong with it."""
+        areas, problems = read_areas([FenceItem(s.command, s.params[0], s.x, s.y) for s in stored])
+        if problems:
+            return int(mavlink.MAV_MISSION_INVALID)
+        self._lists[_FENCE], self._last = stored, asker
+        self._fence.take(areas)
         return int(mavlink.MAV_MISSION_ACCEPTED)
 
     def _read(self, s: _Stored, *, is_home: bool) -> Item | int:
@@ -191,3 +212,18 @@ class Missions:
         stay_s = s.params[0] if 0.0 <= s.params[0] < 86_400.0 else 0.0
         within_m = s.params[1] if 0.5 <= s.params[1] <= 100.0 else 1.5
         return Item(MissionAction.FLY_TO, point, round(stay_s * 1e6), within_m)
+
+
+def _fence_items(areas: tuple[FenceArea, ...]) -> tuple[_Stored, ...]:
+    """A fence as it is downloaded."""
+    items = []
+    for area in areas:
+        places = area.corners or ((area.centre or (0.0, 0.0)),)
+        form = "POLYGON_VERTEX" if area.corners else "CIRCLE"
+        command = getattr(mavlink, f"MAV_CMD_NAV_FENCE_{form}_{area.kind.upper()}")
+        parameter = float(len(area.corners)) if area.corners else area.radius_m
+        for latitude_deg, longitude_deg in places:
+            place = round(latitude_deg * 1e7), round(longitude_deg * 1e7)
+            params = (parameter, 0.0, 0.0, 0.0)
+            items.append(_Stored(mavlink.MAV_FRAME_GLOBAL_INT, command, 1, params, *place, 0.0))
+    return tuple(items)

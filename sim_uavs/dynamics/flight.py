@@ -4,6 +4,7 @@ It knows metres north, east and down of its home and no protocol. Orders are ans
 happens later on its own is reported in `events`.
 """
 
+from collections.abc import Callable
 from dataclasses import replace
 from enum import StrEnum
 from math import isfinite, radians
@@ -106,6 +107,7 @@ class Flight:
         at_us: how far it has flown.
         slung: what hangs below it, if anything can.
         is_stuck: it does not leave the ground, whatever it is ordered.
+        is_barred: whether a point lies outside of the areas of its fence.
         takes: how many times as long as usual it takes to get anywhere.
     """
 
@@ -126,6 +128,7 @@ class Flight:
         self.slung: Hoist | None = None
         self.is_stuck, self.takes = False, 1.0
         self._rest_mode = rest_mode
+        self.is_barred: Callable[[Vector], bool] = lambda _point: False
         self._wind, self._gust = config.wind, ZERO
         self._rng = np.random.default_rng((config.seed, config.system_id, 1))
         self.at_us = now_us
@@ -139,7 +142,8 @@ class Flight:
 
     @property
     def landing(self) -> bool:
-        return self.airborne and (self.mode is Mode.LAND or (self.mode is Mode.RTL and self._over_home))
+        is_home = self.mode is Mode.RTL and self._over_home and not self.settings.final_m
+        return self.airborne and (self.mode is Mode.LAND or is_home)
 
     @property
     def taking_off(self) -> bool:
@@ -199,7 +203,7 @@ class Flight:
             return refused
         if not all(map(isfinite, point)) or point.horizontal > _FARTHEST_M or not -_FARTHEST_M <= point.down <= 0.0:
             return FlightAnswer.OUT_OF_RANGE
-        if self.settings.is_fenced_off(point.horizontal, -point.down):
+        if self.settings.is_fenced_off(point.horizontal, -point.down) or self.is_barred(point):
             return FlightAnswer.OUTSIDE_FENCE
         self.target = GoingTo(point, yaw_rad if yaw_rad is not None and isfinite(yaw_rad) else None)
         return FlightAnswer.ACCEPTED
@@ -309,11 +313,11 @@ class Flight:
         return self.body.position.horizontal < _NEAR_M * 2
 
     def _return(self) -> tuple[Vector, float]:
-        """Rise to the return height where it is, fly home, land."""
-        here = self.body.position
-        if self._over_home or (self.target == GoingTo(ZERO) and here.horizontal < 5.0):
-            self.target = GoingTo(ZERO)
-            return self._come_down()
+        """Rise to the return height where it is, never sink to it; fly home; land, or stay at the final height."""
+        here, final = self.body.position, GoingTo(Vector(0.0, 0.0, -self.settings.final_m))
+        if self._over_home or (self.target == final and here.horizontal < 5.0):
+            self.target = final
+            return self._follow(final) if self.settings.final_m else self._come_down()
         height_m = max(self.settings.return_m, self.body.height_m)
         if self.body.height_m < self.settings.return_m - _NEAR_M:
             return self._follow(GoingTo(Vector(here.north, here.east, -height_m), self.body.yaw_rad))

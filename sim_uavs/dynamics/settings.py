@@ -3,13 +3,14 @@
 from dataclasses import dataclass, field
 from typing import Literal, NamedTuple, TypeAlias
 
+from navigation.fences import FenceArea
 from sim_uavs.dynamics.faults import ScheduledFault
 from sim_uavs.dynamics.quadcopter import AirframeLimits, Wind
 from sim_uavs.dynamics.sensors import GpsNoise, ImuNoise
 
 Peer: TypeAlias = tuple[str, int]  # host and UDP port
 PersonaName: TypeAlias = Literal["ardupilot", "ardupilot-3.3", "px4"]
-FENCE_HIGHEST, FENCE_RADIUS, FENCE_LOWEST = 1, 2, 8
+FENCE_HIGHEST, FENCE_RADIUS, FENCE_AREAS, FENCE_LOWEST = 1, 2, 4, 8
 """The bits of `fence_kinds`, as ArduPilot's FENCE_TYPE has them."""
 
 
@@ -39,9 +40,11 @@ class VehicleSettings:
     fence_highest_m: float = 100.0
     fence_lowest_m: float = -10.0
     fence_radius_m: float = 300.0
+    fence_options: float = 0.0
     link_loss_action: float = 0.0
     link_loss_s: float = 5.0
     link_loss_options: float = 0.0
+    link_loss_wait_s: float = 0.0
     station_id: float = 255.0
     final_m: float = 0.0
     offboard_loss_action: float = 0.0
@@ -60,6 +63,11 @@ class VehicleSettings:
             self.fence_radius_m if kinds & FENCE_RADIUS else None,
         )
 
+    @property
+    def keeps_areas(self) -> bool:
+        """Whether polygons and circles count."""
+        return bool(self.fence_on and int(self.fence_kinds) & FENCE_AREAS)
+
     def is_fenced_off(self, away_m: float, height_m: float) -> bool:
         """Whether a point so far from home and so high above it lies outside of the fence, by the kinds that are on."""
         lowest_m, highest_m, radius_m = self.fence
@@ -74,7 +82,8 @@ class VehicleSettings:
 class VehicleConfig:
     """One vehicle. `airborne_m` above 0 starts it armed and guided, hovering at that height above home.
 
-    `has_mount`: whether it carries a camera on a mount. `faults` begin by themselves. `peers` are sent everything from the start and never forgotten; others are learned when they speak.
+    `has_mount`: whether it carries a camera on a mount. `faults` begin by themselves. `fence`: the
+    polygons and circles of its autopilot, kept to while `settings.fence_on`. `peers` are sent everything from the start and never forgotten; others are learned when they speak.
     """
 
     system_id: int
@@ -87,6 +96,7 @@ class VehicleConfig:
     peers: tuple[Peer, ...] = ()
     has_mount: bool = False
     faults: tuple[ScheduledFault, ...] = ()
+    fence: tuple[FenceArea, ...] = ()
     limits: AirframeLimits = field(default_factory=AirframeLimits)
     wind: Wind = field(default_factory=Wind)
     gps: GpsNoise = field(default_factory=GpsNoise)

@@ -15,7 +15,9 @@ from navigation.heard_aircraft import HeardAircraft
 from sim_uavs.cameras.mount import Mount, MountLimits
 from sim_uavs.dynamics.aircraft import PassingAircraft, PassingTraffic
 from sim_uavs.dynamics.faults import ActiveFaults, FaultSchedule, SimulatedFault, spoil
+from sim_uavs.dynamics.fences import FlightFence
 from sim_uavs.dynamics.flight import GUIDED_MODES, Flight, FlightAnswer, GoingTo, Mode
+from sim_uavs.dynamics.link_loss import OWN_STATION, LinkFailsafe
 from sim_uavs.dynamics.quadcopter import ZERO, Vector
 from sim_uavs.dynamics.sensors import GpsReading, next_wander, read_gps
 from sim_uavs.dynamics.settings import VehicleConfig
@@ -73,6 +75,9 @@ class SensedFlight:
         self._mounted_us = now_us
         self.hoist: Hoist | None = None
         self._traffic = PassingTraffic()
+        self._failsafe = LinkFailsafe(self.flight, config.persona)
+        self.fence = FlightFence(self.flight, self._frame, config.persona)
+        self.fence.take(config.fence)
 
     def carry(self, hoist: Hoist) -> None:
         """Have a winch with a magnet, from now on."""
@@ -141,6 +146,8 @@ class SensedFlight:
     def _suffer(self, now_us: int) -> None:
         """Have others command the vehicle, while that holds: a ground station, and a pilot at the sticks."""
         self._fail(now_us)
+        self._failsafe.on_time(now_us)
+        self.fence.on_time()
         flight, hertz = self.flight, self._faults.amount("stream-target", now_us)
         if hertz is None:
             self._streamed = None
@@ -210,6 +217,8 @@ class SimulatedVehicle(SensedFlight):
     def on_time(self, now_us: int, stamp_us: int) -> list[vehicle.Report]:
         """Fly, and report what is due, as valid at `stamp_us`."""
         self.flight.on_time(now_us)
+        if not self._faults.holds("silence", now_us):
+            self._failsafe.on_heartbeat(OWN_STATION, now_us)
         self._suffer(now_us)
         if now_us < self.deadline_us:
             return []
@@ -272,22 +281,13 @@ class SimulatedVehicle(SensedFlight):
             ),
             vehicle.HomeReport(stamp_us, *self.config.home),
             vehicle.BatteryReport(stamp_us, flight.body.charge),
+            self._failsafe.report(stamp_us),
         ]
         if isinstance(flight.target, GoingTo):
             found.append(vehicle.TargetReport(stamp_us, *self._frame.from_ned(*flight.target.point)))
         if flight.items:
             found.append(vehicle.MissionReport(stamp_us, flight.progress.item))
-        return [*found, *self._bounding(stamp_us)]
-
-    def _bounding(self, stamp_us: int) -> list[vehicle.Report]:
-        """Its fence, and what it does without its link: nothing else than with it, as no failsafe is flown here."""
-        settings, continues = self.flight.settings, vehicle.LinkLossAction.CARRY_ON
-        return [
-            vehicle.FenceReport(stamp_us, *settings.fence),
-            vehicle.FailsafeReport(
-                stamp_us, continues, settings.link_loss_s, continues, continues, settings.return_m, settings.final_m
-            ),
-        ]
+        return [*found, self.fence.report(stamp_us)]
 
     def on_command(self, command: vehicle.Command, now_us: int, stamp_us: int) -> list[tuple[int, vehicle.Report]]:
         """Carry out an order, or say why not: after how long the answer comes, and what it is.

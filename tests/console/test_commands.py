@@ -395,7 +395,7 @@ def test_a_fault_that_there_is_not_is_a_wrong_call(call: Call, kind: str, said: 
 def _delegated(call: Call, lines: Lines) -> str:
     from console.commands.members.delegate import delegate
 
-    assert delegate(call, "monitor-proximity", [], to="0", wait=False) == DONE
+    assert delegate(call, "monitor-proximity", [], to="0", wait=None) == DONE
     said = lines()
     assert said[0]["performative"] == "agree"
     assert said[0]["unit"] == 0
@@ -433,18 +433,18 @@ def test_a_task_that_runs_already_is_named_and_no_second_one_begins(
 
     conversation = _delegated(call, lines)
     world.run(2.0)
-    assert delegate(call, "monitor-proximity", [], to="1", wait=True) == NO, "wherever it is asked for"
+    assert delegate(call, "monitor-proximity", [], to="1", wait="acceptance") == NO, "wherever it is asked for"
     [told] = lines()
     assert (told["event"], told["conversation"], told["unit"]) == ("runs-already", conversation, 0)
-    assert delegate(Call(call.settings, Output(json_lines=False)), "monitor-proximity", [], to=None, wait=False) == NO
+    assert delegate(Call(call.settings, Output(json_lines=False)), "monitor-proximity", [], to=None, wait=None) == NO
     assert "platform 0 coordinates it since" in " ".join(capsys.readouterr().out.split())
-    assert delegate(call, "create-monitor", ["name=nmac"], to="1", wait=False) == DONE
-    assert delegate(call, "create-monitor", ["name=nmac"], to="2", wait=False) == DONE, "another platform's own"
+    assert delegate(call, "create-monitor", ["name=nmac"], to="1", wait=None) == DONE
+    assert delegate(call, "create-monitor", ["name=nmac"], to="2", wait=None) == DONE, "another platform's own"
     lines()
-    assert delegate(call, "create-monitor", ["name=nmac"], to="1", wait=False) == NO
+    assert delegate(call, "create-monitor", ["name=nmac"], to="1", wait=None) == NO
     assert [entry["unit"] for entry in lines()] == [1]
     for pairs in (["profile=nmac"], ["avoidance=no"]):
-        assert delegate(call, "monitor-proximity", pairs, to="0", wait=False) == DONE, "another request"
+        assert delegate(call, "monitor-proximity", pairs, to="0", wait=None) == DONE, "another request"
     world.run(1.0)
     lines()
     assert tasks(call) == DONE
@@ -459,7 +459,7 @@ def test_a_task_that_another_platform_may_end_does_not_take_the_place_of_ones_ow
 
     of_a_platform = world.asked("2", "0", MonitorProximity())
     world.run(3.0)
-    assert delegate(call, "monitor-proximity", [], to="0", wait=False) == DONE
+    assert delegate(call, "monitor-proximity", [], to="0", wait=None) == DONE
     world.run(2.0)
     world.cancel("2", "0", of_a_platform.conversation)
     world.run(2.0)
@@ -485,7 +485,7 @@ def test_a_task_is_not_believed_to_run_where_platforms_have_no_monitors(
         return life._agent.answer(act, Performative.INFORM, TaskList(tasks=(made_up,)), now_us)
 
     monkeypatch.setattr(TaskLife, "on_tasks", lie)
-    assert delegate(call, "monitor-proximity", [], to="0", wait=False) == DONE
+    assert delegate(call, "monitor-proximity", [], to="0", wait=None) == DONE
     assert lines()[0]["performative"] == "agree"
 
 
@@ -512,7 +512,7 @@ def test_a_task_that_a_successor_holds_is_named_with_its_holder(world: Box, call
     world.run(3.0)
     world.kill("0")
     world.run(8.0)
-    assert delegate(call, "monitor-proximity", [], to="2", wait=False) == NO
+    assert delegate(call, "monitor-proximity", [], to="2", wait=None) == NO
     [told] = lines()
     assert (told["conversation"], told["unit"]) == (conversation, 1)
 
@@ -521,7 +521,7 @@ def test_an_unknown_task_and_an_unknown_conversation_are_told(world: Box, call: 
     from console.commands.members.delegate import cancel, delegate
 
     with pytest.raises(WrongCall, match="Did you mean 'monitor-proximity'"):
-        delegate(call, "monitor-proximty", [], to=None, wait=False)
+        delegate(call, "monitor-proximty", [], to=None, wait=None)
     with pytest.raises(NothingFound, match="dyknow tasks"):
         cancel(call, "cc-1-1")
 
@@ -530,14 +530,14 @@ def test_a_task_for_one_platform_needs_its_name(world: Box, call: Call) -> None:
     from console.commands.members.delegate import delegate
 
     with pytest.raises(WrongCall, match="there are 0, 1, 2"):
-        delegate(call, "hold", [], to=None, wait=False)
+        delegate(call, "hold", [], to=None, wait=None)
 
 
 def test_a_refusal_is_an_answer_of_no(world: Box, call: Call, lines: Lines) -> None:
     from console.commands.members.delegate import delegate
 
     pairs = ["semantic-labels=max-speed", "sample-period=1s", "delay=1s", "to-units=0"]
-    assert delegate(call, "create-multicast", pairs, to="1", wait=True) == NO
+    assert delegate(call, "create-multicast", pairs, to="1", wait="acceptance") == NO
     assert lines()[-1]["performative"] == "refuse"
 
 

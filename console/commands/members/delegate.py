@@ -1,7 +1,7 @@
 """`dyknow delegate`, `tasks`, `cancel` and `fault`: requests to platforms."""
 
 import time
-from typing import Annotated, Any
+from typing import Annotated, Any, Literal
 
 import typer
 
@@ -59,8 +59,14 @@ def delegate(
     *,
     to: Annotated[str | None, typer.Option(metavar="U", help="The platform that gets the task.")] = None,
     wait: Annotated[
-        bool, typer.Option("--wait", "-w", help="Show its reports, until Ctrl-C; that does not end the task.")
-    ] = False,
+        Literal["acceptance", "arrival"] | None,
+        typer.Option(
+            "--wait",
+            "-w",
+            metavar="[arrival]",
+            help="Show its reports, until Ctrl-C; that does not end the task. arrival: until a goto has arrived.",
+        ),
+    ] = None,
     when: Annotated[
         str | None, typer.Option(metavar="FORMULA", help="Once this is true on that platform, and not before.")
     ] = None,
@@ -68,6 +74,10 @@ def delegate(
 ) -> int:
     """A task for a platform, as a speech act to its interface agent; it continues when the command ends."""
     given = values_of(task, pairs or (), call.settings.extensions)
+    if wait == "arrival":
+        if task != "goto":
+            raise WrongCall(f"--wait arrival belongs to goto; expected goto, got {task}. Write --wait.")
+        given = {**given, "until": "arrival"}
     content_with(task, given, time.time_ns() // 1000, call.settings.extensions)  # what is wrong is known at once
     with connected(call) as client:
         condition = None if when is None else (when, waits)

@@ -1,6 +1,6 @@
 """Orders to a vehicle, and faults of simulated ones."""
 
-from typing import Annotated
+from typing import Annotated, Literal
 
 from pydantic import Field
 
@@ -25,11 +25,12 @@ _Places = Annotated[tuple[Corner, ...], Field(max_length=MOST_PLACES)]
 
 
 class Goto(Content):
-    """Fly to a point: WGS-84, metres above mean sea level."""
+    """Fly to a point: WGS-84, metres above mean sea level; with `until` it is done when the vehicle is there."""
 
     latitude_deg: LatitudeDeg = Field(alias="latitude_deg")
     longitude_deg: LongitudeDeg = Field(alias="longitude_deg")
     altitude_m: AltitudeM = Field(alias="altitude_m")
+    until: Literal["arrival"] | None = None
 
 
 class Hold(Content):
@@ -80,7 +81,7 @@ class Fault(Content):
 
 
 class Fence(ContentPart):
-    """What a vehicle does not leave: around a place, or within corners; metres above its home."""
+    """What a vehicle does not leave, or an exclusion does not enter: around a place, or within corners; metres above its home."""
 
     name: Line
     centre: Corner | None = None

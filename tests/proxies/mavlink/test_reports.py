@@ -232,14 +232,14 @@ def test_an_ardupilots_fence_is_read_from_its_parameters(enabled: int, kinds: in
         ("FENCE_ENABLE", float(enabled), INT8),
         ("WPNAV_SPEED", 500.0, REAL),
     )
-    assert told[1:] == bounds
+    assert told[1:4] == bounds
 
 
 def test_a_px4s_fence_is_read_from_its_parameters() -> None:
     on = struct.unpack("<f", struct.pack("<i", 2))[0]
     far, high = ("GF_MAX_HOR_DIST", 300.0, REAL), ("GF_MAX_VER_DIST", 0.0, REAL)
-    assert fence(mavlink.MAV_AUTOPILOT_PX4, far, high, ("GF_ACTION", on, INT32))[1:] == (None, None, 300.0)
-    assert fence(mavlink.MAV_AUTOPILOT_PX4, far, high, ("GF_ACTION", 0.0, INT32))[1:] == (None, None, None)
+    assert fence(mavlink.MAV_AUTOPILOT_PX4, far, high, ("GF_ACTION", on, INT32))[1:4] == (None, None, 300.0)
+    assert fence(mavlink.MAV_AUTOPILOT_PX4, far, high, ("GF_ACTION", 0.0, INT32))[1:4] == (None, None, None)
 
 
 def test_which_parameters_are_still_to_be_told_is_known() -> None:

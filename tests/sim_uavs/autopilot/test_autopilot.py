@@ -140,7 +140,8 @@ def test_capabilities_promise_what_is_answered(persona) -> None:
     bytewise = mavlink.MAV_PROTOCOL_CAPABILITY_PARAM_ENCODE_BYTEWISE
     assert has & mavlink.MAV_PROTOCOL_CAPABILITY_MISSION_INT
     assert bool(has & bytewise) == (persona == "px4")
-    for absent in ("MISSION_FENCE", "MISSION_RALLY", "FTP"):
+    assert has & mavlink.MAV_PROTOCOL_CAPABILITY_MISSION_FENCE
+    for absent in ("MISSION_RALLY", "FTP"):
         assert not has & getattr(mavlink, f"MAV_PROTOCOL_CAPABILITY_{absent}")
 
 
