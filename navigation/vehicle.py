@@ -408,3 +408,5 @@ MODES_OF: Mapping[type, frozenset[str]] = {
     MissionItemOrder: MISSION_MODES,
 }
 """The modes (see `StatusReport`) that show an order, where a mode shows it."""
+INTERRUPTIBLE_MODES = MISSION_MODES | MODES_OF[LandOrder] | MODES_OF[ReturnHomeOrder]
+"""The modes that a vehicle leaves for a while to give way, and is in again afterwards, if that is permitted."""

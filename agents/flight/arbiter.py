@@ -176,11 +176,11 @@ def unguided(
     """
     if status is None or status.guided or (in_person and isinstance(order, ANY_MODE)):
         return None
-    if status.mode not in vehicle.MISSION_MODES:
-        return _MODE.format(status.mode) + ", which takes no positions; a guided mode is needed"
-    if missions:
+    if missions and status.mode in vehicle.INTERRUPTIBLE_MODES:
         only = ": only giving way interrupts a mission"
         return None if isinstance(order, _FOR_MISSIONS) else _MODE.format(status.mode) + only
+    if status.mode not in vehicle.MISSION_MODES:
+        return _MODE.format(status.mode) + ", which takes no positions; a guided mode is needed"
     remedy = "a guided mode is needed; --control auto lets it be interrupted to give way"
     return f"{_MODE.format(status.mode)}, which takes no positions; {remedy}"
 

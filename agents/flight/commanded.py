@@ -120,7 +120,8 @@ class CommandedVehicle(HeardVehicle):
         on_plan = self._goal is not None and self.flying == "plan"
         ours = on_plan or self._aside is not None or self.flying in {"order", "diverted", "mission"}
         was_guided = before is not None and before.guided and before.airborne is True
-        return ours or (self.control and was_guided and status.mode not in vehicle.MISSION_MODES)
+        left_alone = vehicle.INTERRUPTIBLE_MODES if self.missions else vehicle.MISSION_MODES
+        return ours or (self.control and was_guided and status.mode not in left_alone)
 
     def _flies_mission(self, before: vehicle.StatusReport | None, status: vehicle.StatusReport, now_us: int) -> bool:
         """Whether the vehicle flies its mission as before, or since an errand of ours resumed it."""

@@ -24,7 +24,7 @@ from math import cos, hypot, radians
 from agents.flight.places import Fix
 from navigation.geodesy import distance_m
 from navigation.vehicle import (
-    MISSION_MODES,
+    INTERRUPTIBLE_MODES,
     MODES_OF,
     NO_ANSWER,
     OVERTAKEN,
@@ -194,7 +194,7 @@ class Errand:
         if self.is_over or self._has_left or self.progress is _P.UNSEEN:
             return False
         if isinstance(self.order, InterruptOrder):
-            return status.mode in MISSION_MODES and not self.acknowledged
+            return status.mode in INTERRUPTIBLE_MODES and not self.acknowledged
         leaves = self._modes or (isinstance(self.order, HoldOrder) and self.order.any_mode)
         return bool(leaves) and status.mode == self.from_mode
 

@@ -72,8 +72,8 @@ class HeardVehicle:
 
     @property
     def may_interrupt(self) -> bool:
-        """Whether the vehicle flies a mission that may be interrupted."""
-        return self.missions and self.status is not None and self.status.mode in vehicle.MISSION_MODES
+        """Whether the vehicle flies a mission, returns or lands, and may be interrupted in that."""
+        return self.missions and self.status is not None and self.status.mode in vehicle.INTERRUPTIBLE_MODES
 
     def check(self, order: vehicle.Order, *, in_person: bool = False) -> None:
         """Raise Refused if a rule forbids `order`; see `refusal`."""

@@ -198,8 +198,11 @@ class Pilot(CommandedVehicle):
         target, age_us = self.others_target(), self.targets.age_us(self.now_us)
         if target is not None and age_us > HEARD_WITHIN_US and not self.keeps_plan:
             self.note(f"its target was heard {age_us / 1e6:.0f} s ago, and is taken to be the same still")
-        if self.may_interrupt:
-            return InterruptedMission(self._item, target)
+        if self.may_interrupt and self.status is not None:
+            if self.status.mode in vehicle.MISSION_MODES:
+                return InterruptedMission(self._item, target)
+            returns = self.status.mode in vehicle.MODES_OF[vehicle.ReturnHomeOrder]
+            return vehicle.ReturnHomeOrder() if returns else vehicle.LandOrder()
         errand = self.errand
         taken = errand is not None and errand.order == self.standing and not errand.is_over
         return self.standing if taken else None if self.keeps_plan else target
@@ -220,7 +223,7 @@ class Pilot(CommandedVehicle):
             self._aside, self._moved = None, False
         if self._is_taken_over:
             return []
-        if self.plan is not None and self.keeps_plan and self.standing is None:
+        if self.plan is not None and self.keeps_plan and self.standing is None and not isinstance(aside, ENDINGS):
             if diversion is not None or bounded:
                 self.leg = min(self.leg, len(self.plan.waypoints) - 1)  # who had arrived returns to where it was
             return [] if self.fix is None else self._fly(self.fix.valid_us)

@@ -15,7 +15,7 @@ A vehicle that may not be commanded, or is told not to give way, cannot. Federat
 
 from typing import Final
 
-from agents.flight.arbiter import Commander
+from agents.flight.arbiter import ENDINGS, Commander
 from agents.flight.heard_vehicle import InterruptedMission
 from agents.flight.pilot import Pilot
 from agents.flight.places import Fix
@@ -144,6 +144,12 @@ class OwnIntent:
         """What it did before it made room, and will do again."""
         source = IntentSource.MISSION if isinstance(aside, InterruptedMission) else IntentSource.ORDER
         order = aside.towards if isinstance(aside, InterruptedMission) else aside
+        fix = self._pilot.fix
+        if isinstance(order, ENDINGS) and fix is not None:
+            here = IntendedPlace(fix.latitude_deg, fix.longitude_deg, fix.altitude_m)
+            if isinstance(order, LandOrder):
+                return IntentSource.LANDING, (self._below(here),), IntentEnding.LAND
+            return IntentSource.RETURN, self._return_legs(here, None), IntentEnding.LAND
         if isinstance(order, GoToOrder | InterruptOrder):
             return source, (IntendedPlace(*order[:3]),), IntentEnding.HOVER
         return source, (), IntentEnding.HOVER
