@@ -30,7 +30,9 @@ def situation(seed: int) -> Situation:
         troubles = tuple(_TROUBLES[kind](random, random.randrange(len(found)), len(found)) for kind in kinds)
     for trouble in troubles:
         if trouble.kind == "clock lies":
-            wrong = random.choice(((round(random.uniform(-5e6, 5e6)), 0.0), (0, random.uniform(-20_000.0, 20_000.0))))
+            within_us = random.choice((300_000.0, 5_000_000.0))
+            offset_us, drift_ppm = round(random.uniform(-within_us, within_us)), random.uniform(-20_000.0, 20_000.0)
+            wrong = random.choice(((offset_us, 0.0), (0, drift_ppm)))
             vehicles[trouble.unit] = vehicles[trouble.unit]._replace(clock=wrong)
     return Situation(seed, geometry, tuple(vehicles), troubles, wind)
 
