@@ -56,6 +56,8 @@ TEXT_WITHIN_US = 1_000_000
 """What an autopilot says so soon after an order is of that order."""
 WORDS_US = 300_000
 """How long after an order a user waits for the words to a refusal."""
+SAYS_S = 0.5
+"""So long after it was sent an order may arrive: the vehicle has flown on."""
 _M_PER_DEG = 111_194.9
 
 
@@ -253,7 +255,9 @@ class Errand:
             return False
         latitude_deg, longitude_deg, altitude_m = place
         away_m = distance_m(latitude_deg, longitude_deg, target.latitude_deg, target.longitude_deg)
-        reach_m = LEVEL_M + (stopping_distance_m(self.start.speed_m_s) if self._stops and self.start else 0.0)
+        start = self.start if self._stops else None
+        late_m = 0.0 if start is None else stopping_distance_m(start.speed_m_s) + SAYS_S * start.speed_m_s
+        reach_m = LEVEL_M + late_m
         return away_m <= reach_m and abs(altitude_m - target.altitude_m) <= self._upright_m
 
     @property

@@ -332,10 +332,8 @@ class GivingWay(Part):
         if manoeuvre is None:  # what was flown before it could not be
             return
         places = self._places(manoeuvre.places)
-        altitude_m = None if step.place is None else step.place.altitude_m
-        where = None if step.place is None else (places[0].latitude_deg, places[0].longitude_deg)
         try:
-            commands = self._pilot.divert(altitude_m, where)
+            commands = self._pilot.divert(step.place.altitude_m, places[0][:2])
         except Refused as refused:
             self._not_flown(refused.reason, now_us, overtaken=True)
             return

@@ -77,9 +77,9 @@ class Leave(NamedTuple):
 
 
 class Fly(NamedTuple):
-    """Command a place of the manoeuvre; None: stop. `is_new`: it is the first one."""
+    """Command a place of the manoeuvre; `is_new`: it is the first one."""
 
-    place: FlatPlace | None
+    place: FlatPlace
     is_new: bool
     words: str
     units: tuple[str, ...]
@@ -323,9 +323,7 @@ class SeparationLogic:
     def _begin(self, now: Situation, manoeuvre: Manoeuvre) -> list[Step]:
         manoeuvre.state, manoeuvre.since_us, self.manoeuvre = ManoeuvreState.FLOWN, now.now_us, manoeuvre
         self._refusals = 0
-        places = manoeuvre.planned.places
-        first = places[0] if places else None
-        return [Fly(first, True, manoeuvre.planned.words, tuple(sorted(manoeuvre.units)))]
+        return [Fly(manoeuvre.places[0], True, manoeuvre.planned.words, tuple(sorted(manoeuvre.units)))]
 
     def _follow(self, now: Situation) -> list[Step]:
         """Command the next place when the vehicle is at one."""
@@ -363,7 +361,7 @@ class SeparationLogic:
             return []
         self._planned_us = now.now_us
         found = plan(self._yielding(now, everything=True))
-        if found is None or found.minima is None or found.cost_s >= NEVER_S or not found.places:
+        if found is None or found.minima is None or found.cost_s >= NEVER_S:
             return []
         return self._begin(now, Manoeuvre(found, set(manoeuvre.units), now.now_us))
 

@@ -45,7 +45,7 @@ Allowed = Callable[[FlatPlace], bool]
 
 
 class PlannedManoeuvre(NamedTuple):
-    """Places that are flown to one after the other, to stand at the last; none: stop.
+    """Places that are flown to one after the other, to stand at the last.
 
     Attributes:
         tube: where the vehicle is then.
@@ -128,7 +128,7 @@ def _closer(
 
 
 def _least_cost_s(candidate: _Candidate) -> float:
-    return candidate.change_m * CLIMB_COST_S_PER_M + (TURN_COST_S if candidate.places else 1.0)
+    return candidate.change_m * CLIMB_COST_S_PER_M + TURN_COST_S
 
 
 def _cheapest(yielding: Yielding, flown: list[tuple[_Candidate, Tube, float]], minima: Minima) -> PlannedManoeuvre:
@@ -190,7 +190,7 @@ def _candidates(yielding: Yielding) -> Iterator[_Candidate]:
         )
 
     here_m = motion.altitude_m
-    yield _Candidate((), 0.0, "stops")
+    yield _Candidate((ahead(runs_m, 0.0, here_m),), 0.0, "stops")
     levels = _levels(yielding)
     for level_m in levels:
         change_m = abs(level_m - here_m)

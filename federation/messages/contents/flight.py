@@ -63,7 +63,7 @@ class Resume(Content):
 class Avoid(Content):
     """Propose a manoeuvre to another vehicle that one meets; `units` are the two.
 
-    `legs` is where the sender flies to keep apart, as the label `intent` writes it; without legs it stops.
+    `legs` is where the sender flies to keep apart, as the label `intent` writes it.
     With `because` the sender does not avoid the other, for that reason, flies on along the legs, and asks it to do all of it.
     """
 
