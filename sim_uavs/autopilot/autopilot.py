@@ -291,6 +291,8 @@ class Autopilot(SensedFlight):
         """Per peer: 0 restores the default, -1 stops, else the nearest number of ticks. Nothing faster than a tick."""
         if kind not in BUILDERS:
             return int(mavlink.MAV_RESULT_UNSUPPORTED)
+        if kind in self._persona.unscheduled:
+            return int(mavlink.MAV_RESULT_FAILED)
         if interval_us == 0:
             link.ticks.pop(int(kind), None)
         elif interval_us == -1:

@@ -42,6 +42,7 @@ class Persona:
         stops_nowhere: a reposition without a place stops it where it can.
         accepts_outside: a place outside of its fence is acknowledged, not flown to, and refused in words.
         acknowledges_modes_twice: DO_SET_MODE has two acknowledgements.
+        unscheduled: messages that it sends at a rate of its own; to ask for another one fails.
         denies_unguided: a point in a mode that takes none is denied, not temporarily rejected.
     """
 
@@ -64,6 +65,7 @@ class Persona:
     stops_nowhere: bool = False
     accepts_outside: bool = False
     acknowledges_modes_twice: bool = False
+    unscheduled: frozenset[int] = frozenset()
 
     def name(self, mode: Mode) -> str:
         """What the maker calls the mode."""
@@ -233,6 +235,7 @@ PX4 = Persona(
     acknowledges_modes_twice=True,
     not_understood=_HANDLING,
     never_sent=frozenset({mavlink.MAVLINK_MSG_ID_WINCH_STATUS}),
+    unscheduled=frozenset({mavlink.MAVLINK_MSG_ID_MISSION_CURRENT, mavlink.MAVLINK_MSG_ID_WINCH_STATUS}),
 )
 
 PERSONAS: Mapping[PersonaName, Persona] = {"ardupilot": ARDUPILOT, "ardupilot-3.3": ARDUPILOT_3_3, "px4": PX4}

@@ -1,7 +1,8 @@
 """Faults on demand: text <-> fault, how long each holds, and what it does to a reading. Pure.
 
-`gps-loss`, `frozen-position`, `nan`, `silence` take no amount; `packet-loss=30` (per cent, each way), `clock=+5s`,
-`clock-drift=100` (parts per million), `teleport=500` (metres to the north-east), `gps-noise=10` (times the usual) and
+`gps-loss`, `frozen-position`, `nan`, `silence` and `clock-stop` (its clocks stand still while it holds, and are behind from then
+on, as those of a simulation on a busy machine) take no amount; `packet-loss=30` (per cent, each way), `clock=+5s`,
+`clock-drift=100` (parts per million: an autopilot that runs at 0.992 of real time has -8000), `teleport=500` (metres to the north-east), `gps-noise=10` (times the usual) and
 `battery-low=15` (per cent left) do.
 
 How orders fare, as real autopilots showed it: `refuse=2` (MAV_RESULT: 1 temporarily rejected, 2 denied, 3 unsupported,
@@ -52,6 +53,7 @@ _KINDS = {
     "packet-loss": _Kind(30.0, 0.0, 100.0),
     "clock": _Kind(5.0 * US_PER_S, -1e15, 1e15),
     "clock-drift": _Kind(100.0, -100_000.0, 100_000.0),
+    "clock-stop": _Kind(None, 0, 0),
     "teleport": _Kind(500.0, -100_000.0, 100_000.0),
     "gps-noise": _Kind(10.0, 0.0, 1000.0),
     "battery-low": _Kind(15.0, 0.0, 100.0),
@@ -137,6 +139,7 @@ class ActiveFaults:
 
     def __init__(self) -> None:
         self._held: dict[str, tuple[SimulatedFault, int, int | None]] = {}
+        self._behind_us = 0
 
     def inject(self, fault: SimulatedFault, now_us: int, until_us: int | None = None) -> None:
         self._held[fault.kind] = (fault, now_us, until_us)
@@ -146,8 +149,10 @@ class ActiveFaults:
         held = self._held.get(kind)
         if held is None:
             return None
-        fault, _, until_us = held
+        fault, begun_us, until_us = held
         if until_us is not None and now_us >= until_us:
+            if kind == "clock-stop":
+                self._behind_us += until_us - begun_us
             del self._held[kind]
             return None
         return fault.amount
@@ -160,9 +165,11 @@ class ActiveFaults:
         return round(self.amount("clock", now_us) or 0.0)
 
     def drift_us(self, now_us: int) -> int:
-        """How far the vehicle's oscillator has run ahead since its drift began."""
-        ppm = self.amount("clock-drift", now_us)
-        return 0 if ppm is None else round(ppm * 1e-6 * (now_us - self._held["clock-drift"][1]))
+        """How far the vehicle's oscillator has run ahead since its drift began, less how long it has stood still."""
+        ppm, is_still = self.amount("clock-drift", now_us), self.holds("clock-stop", now_us)
+        ahead_us = 0 if ppm is None else round(ppm * 1e-6 * (now_us - self._held["clock-drift"][1]))
+        still_us = now_us - self._held["clock-stop"][1] if is_still else 0
+        return ahead_us - self._behind_us - still_us
 
 
 def spoil(reading: GpsReading, last: GpsReading | None, faults: ActiveFaults, now_us: int) -> GpsReading | None:

@@ -1,12 +1,17 @@
 """Fences that a ground station uploads: served and kept by the autopilots, read and kept by the platform."""
 
+from queue import Queue
+
 import pytest
 from pymavlink.dialects.v20 import all as mavlink
 
 from agents.flight.places import fences_of
 from dyknow.model.errors import Refused
 from navigation.fences import FenceArea
-from navigation.vehicle import FenceReport
+from navigation.vehicle import FenceReport, Report
+from proxies.mavlink.feed import MavlinkFeed
+from runtime.clock import NodeClock
+from sim_uavs.autopilot.server import AutopilotServer
 from sim_uavs.dynamics.flight import Mode
 from sim_uavs.dynamics.quadcopter import Vector
 from sim_uavs.dynamics.settings import PersonaName, VehicleConfig, VehicleSettings
@@ -169,3 +174,21 @@ def test_a_vehicle_without_bytes_has_its_fence_from_its_configuration() -> None:
     (told,) = [report for report in vehicle.on_time(START_US + 100_000, 7) if isinstance(report, FenceReport)]
     assert told == FenceReport(7, areas=(WALL,))
     assert vehicle.flight.go_to(Vector(100.0, 0.0, -50.0)).value == "outside the fence"
+
+
+@BOTH
+def test_a_feed_reads_it_from_a_vehicle_on_a_socket(persona: PersonaName) -> None:
+    posted: Queue[Report] = Queue()
+    feed = MavlinkFeed("udpin:127.0.0.1:0", 1, posted.put, NodeClock().now_us)
+    peer = feed.port.address
+    settings = VehicleSettings(fence_on=1.0, fence_kinds=4.0)
+    config = VehicleConfig(1, HOME, persona, airborne_m=50.0, fence=(YARD, WALL), settings=settings, peers=(peer,))
+    feed.start()
+    try:
+        with AutopilotServer(config):
+            while not (isinstance(report := posted.get(timeout=10.0), FenceReport) and report.areas):
+                pass
+    finally:
+        feed.stop()
+    assert [area.kind for area in report.areas] == ["inclusion", "exclusion"]
+    assert report.areas[1].radius_m == 20.0
