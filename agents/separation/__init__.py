@@ -1,1 +1,1 @@
-"""Keeping apart: what each vehicle will do is said as an intent, and one rule for all says who yields, and how."""
+"""Keeping apart: each vehicle publishes what it will do as an intent, and one rule for all decides which one yields, and how."""

@@ -17,23 +17,22 @@ from agents.interface import InterfaceAgent
 from agents.monitoring.coordination import Coordination
 from agents.monitoring.monitors import UnitMonitors
 from agents.part import Part
-from agents.separation.logic import (
-    STEPS,
+from agents.separation.logic import STEPS, SeparationLogic
+from agents.separation.neighbourhood import Neighbourhood
+from agents.separation.neighbours import Traffic3D
+from agents.separation.records import legs_of, legs_text
+from agents.separation.situation import (
     Fly,
     GoOn,
-    Leave,
+    LeaveTo,
     Manoeuvre,
     ManoeuvreState,
     Neither,
     Over,
     Propose,
-    SeparationLogic,
     Situation,
     Step,
 )
-from agents.separation.neighbourhood import Neighbourhood
-from agents.separation.neighbours import Traffic3D
-from agents.separation.records import legs_of, legs_text
 from dyknow.model.errors import Refused
 from federation.members.clock import FederationClock
 from federation.messages.acts import Act, Performative
@@ -125,7 +124,7 @@ class GivingWay(Part):
         self._neighbourhood.publish(now_us)
 
     def _end_all(self, now_us: int) -> None:
-        """No task keeps vehicles apart any more, or the vehicle is on the ground."""
+        """No task keeps vehicles apart now, or the vehicle is on the ground."""
         self._do(self.logic.forget(list(self.logic.meetings)), now_us)
         if self.logic.manoeuvre is not None:
             self.logic.manoeuvre = None
@@ -153,7 +152,7 @@ class GivingWay(Part):
     @property
     def _cannot_words(self) -> str:
         if not self._may_avoid:
-            return "this platform was told not to give way"
+            return "this platform has no leave to give way"
         return self._pilot.avoidance_off or "it may not command its vehicle"
 
     def _origin_at(self, fix: Fix) -> FlatOrigin:
@@ -233,7 +232,7 @@ class GivingWay(Part):
         return f"leaves all of it to {self._unit}: {because}"
 
     def _traffic(self, now: Situation) -> Traffic3D:
-        """The tubes of all others, once more: one of them has just said something."""
+        """The tubes of all others, once more: one of them has just reported."""
         fix, origin = self._pilot.fix, self._origin
         if fix is None or origin is None:
             return now.traffic
@@ -272,7 +271,7 @@ class GivingWay(Part):
             match step:
                 case Propose(unit, manoeuvre):
                     self._propose(unit, Avoid(units=(self._unit, unit), legs=self._legs(manoeuvre.places)), now_us)
-                case Leave(unit, reason):
+                case LeaveTo(unit, reason):
                     self._tell(f"{self._unit} does not avoid {unit}, which is to do all of it: {reason}", now_us)
                     own = self._neighbourhood.own.now(None)
                     legs = "" if own is None else legs_text(own.legs)

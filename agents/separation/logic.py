@@ -1,4 +1,4 @@
-"""Who yields, and when: one rule for everybody, for two vehicles or ten, in every mode. Federation time; no I/O.
+"""Which one yields, and when: one rule for everybody, for two vehicles or ten, in every mode. Federation time; no I/O.
 
 Two meet when their tubes lose the minima within `LOOK_S`. Of two the later in the total order of right of way yields
 (`navigation.intents.intent.RightOfWay`, then the name). For each vehicle that we meet:
@@ -7,29 +7,40 @@ Two meet when their tubes lose the minima within `LOOK_S`. Of two the later in t
     EXPECTED   the other is later, and can                                   it yields; what it commits is free of us: over
     MINE       we are later; or the other cannot, has left it to us, or      we plan a way that is free of all others and of
                has not shown anything for 2 s                                their contingencies, propose it, fly it
-    LEFT       we cannot: our mode, our limits, a refusal, nothing is free   the other is told, and is to take it
+    LEFT       we cannot: our mode, our limits, a refusal, nothing is free   the other is notified, and is to take it
     NEITHER    we cannot, and the other cannot either, or has refused it     the alarm, with the seconds that are left
 
 and of our own manoeuvre:
 
-    ASKED      those that we meet are asked, for half a second at most       all agree, or are silent: FLOWN; one refuses: again
+    PROPOSED   to those that we meet, for half a second at most             all agree, or are silent: FLOWN; one refuses: again
     FLOWN      it is commanded, place by place                               refused, overtaken, unseen: we cannot, for 5 s
                our own way has been free of all others for half a second     over: we fly on
 """
 
 from collections.abc import Iterable, Mapping
-from dataclasses import dataclass, field
-from enum import Enum
-from typing import Final, NamedTuple, TypeAlias
+from typing import Final
 
 import numpy as np
 
-from agents.separation.neighbours import Neighbour, Traffic3D
+from agents.separation.situation import (
+    Fly,
+    GoOn,
+    LeaveTo,
+    Manoeuvre,
+    ManoeuvreState,
+    MeetingState,
+    Neither,
+    Over,
+    PairMeeting,
+    Propose,
+    Situation,
+    Step,
+)
 from federation.members.directory import unit_order
-from navigation.intents.candidates import NEVER_S, Allowed, PlannedManoeuvre, Yielding, plan, way_is_free
+from navigation.intents.candidates import NEVER_S, PlannedManoeuvre, Yielding, plan, way_is_free
 from navigation.intents.intent import IntentEnding, RightOfWay
 from navigation.intents.meeting import MINIMA, clearance, closeness, first_meetings
-from navigation.intents.path import FlatMotion, FlatPlace, Performance, Tube, fly
+from navigation.intents.path import FlatMotion, Tube, fly
 
 LOOK_S: Final = 12.0
 """What is farther ahead is not acted on: until then much may change."""
@@ -46,132 +57,6 @@ WAITS_US: Final = 4_000_000
 NOTHING_FREE: Final = "no way is free of all others within its limits"
 
 
-class MeetingState(Enum):
-    """What becomes of a meeting; see the module."""
-
-    EXPECTED = "the other yields"
-    MINE = "ours"
-    LEFT = "left to the other"
-    NEITHER = "neither can"
-
-
-class ManoeuvreState(Enum):
-    """How far our manoeuvre has come; see the module."""
-
-    ASKED = "asked"
-    FLOWN = "flown"
-
-
-class Propose(NamedTuple):
-    """Ask a unit whether the manoeuvre is free of what it flies."""
-
-    unit: str
-    manoeuvre: PlannedManoeuvre
-
-
-class Leave(NamedTuple):
-    """Tell a unit that we do not avoid it, and that it is to do so."""
-
-    unit: str
-    reason: str
-
-
-class Fly(NamedTuple):
-    """Command a place of the manoeuvre; `is_new`: it is the first one."""
-
-    place: FlatPlace
-    is_new: bool
-    words: str
-    units: tuple[str, ...]
-
-
-class GoOn(NamedTuple):
-    """Fly the own way again."""
-
-    units: tuple[str, ...]
-
-
-class Neither(NamedTuple):
-    """Neither avoids the other; `seconds`: until they meet."""
-
-    unit: str
-    seconds: float
-    reasons: tuple[str, str]
-
-
-class Over(NamedTuple):
-    """We meet that unit no longer."""
-
-    unit: str
-
-
-Step: TypeAlias = Propose | Leave | Fly | GoOn | Neither | Over
-
-
-class Situation(NamedTuple):
-    """What one vehicle knows at a moment.
-
-    Attributes:
-        rank: its own right of way without a manoeuvre; cannot: why it may not be commanded, empty if it may.
-        motion, legs, ending, performance: its own, and what it would fly without others.
-        neighbours: by unit; traffic: their tubes from now on.
-        allowed: whether it may stand at a place.
-    """
-
-    now_us: int
-    rank: RightOfWay
-    cannot: str
-    motion: FlatMotion
-    legs: tuple[FlatPlace, ...]
-    ending: IntentEnding
-    performance: Performance
-    neighbours: Mapping[str, Neighbour]
-    traffic: Traffic3D
-    allowed: Allowed
-
-
-@dataclass(slots=True)
-class Meeting:
-    """A vehicle that we meet, or met a moment ago.
-
-    Attributes:
-        seconds: until the minima are lost, as it was seen last.
-        is_left: it has told us that it is ours; refused: why it does not take what we have left to it.
-        told: whether we have left it to it.
-    """
-
-    since_us: int
-    seconds: float
-    state: MeetingState = MeetingState.EXPECTED
-    seen_us: int = 0
-    is_left: bool = False
-    told: bool = False
-    refused: str = ""
-
-
-@dataclass(slots=True)
-class Manoeuvre:
-    """What we fly, or are about to.
-
-    Attributes:
-        units: those that it is for; awaited: those that were asked and have not answered.
-        at: which place is flown to.
-    """
-
-    planned: PlannedManoeuvre
-    units: set[str]
-    since_us: int
-    state: ManoeuvreState = ManoeuvreState.ASKED
-    awaited: set[str] = field(default_factory=set)
-    at: int = 0
-    free_since_us: int | None = None
-
-    @property
-    def places(self) -> tuple[FlatPlace, ...]:
-        """Those that are ahead."""
-        return self.planned.places[self.at :]
-
-
 class SeparationLogic:
     """The rule, for one vehicle. Steps are to be carried out in their order.
 
@@ -183,7 +68,7 @@ class SeparationLogic:
 
     def __init__(self, unit: str) -> None:
         self.unit = unit
-        self.meetings: dict[str, Meeting] = {}
+        self.meetings: dict[str, PairMeeting] = {}
         self.manoeuvre: Manoeuvre | None = None
         self.cannot = ""
         self._cannot_until_us = 0
@@ -243,7 +128,7 @@ class SeparationLogic:
                 del self.meetings[unit]
                 steps.append(Over(unit))
         for unit, seconds in soon.items():
-            meeting = self.meetings.get(unit) or Meeting(now.now_us, seconds)
+            meeting = self.meetings.get(unit) or PairMeeting(now.now_us, seconds)
             self.meetings[unit] = meeting
             if now.now_us - meeting.seen_us > OVER_US:
                 meeting.since_us = now.now_us
@@ -251,7 +136,7 @@ class SeparationLogic:
             meeting.state = MeetingState.MINE if self._is_ours(now, unit, meeting) else MeetingState.EXPECTED
         return steps
 
-    def _is_ours(self, now: Situation, unit: str, meeting: Meeting) -> bool:
+    def _is_ours(self, now: Situation, unit: str, meeting: PairMeeting) -> bool:
         other = now.neighbours[unit]
         theirs = other.rank(now.now_us)
         if theirs is RightOfWay.CANNOT or meeting.is_left:
@@ -269,7 +154,7 @@ class SeparationLogic:
 
     def _yield(self, now: Situation, mine: set[str]) -> list[Step]:
         manoeuvre = self.manoeuvre
-        if manoeuvre is not None and manoeuvre.state is ManoeuvreState.ASKED:
+        if manoeuvre is not None and manoeuvre.state is ManoeuvreState.PROPOSED:
             return self._commit(now, manoeuvre)
         if now.now_us < self._planned_us + AGAIN_US:
             return []
@@ -340,7 +225,7 @@ class SeparationLogic:
 
     def _return(self, now: Situation, manoeuvre: Manoeuvre) -> list[Step]:
         """Fly on as soon as the own way has been free for a moment."""
-        if manoeuvre.state is ManoeuvreState.ASKED:  # the reason is gone before it was flown
+        if manoeuvre.state is ManoeuvreState.PROPOSED:  # the reason is gone before it was flown
             self.manoeuvre = None
             return []
         if now.now_us < manoeuvre.since_us + LEAST_US:
@@ -355,7 +240,7 @@ class SeparationLogic:
         return self._end(manoeuvre)
 
     def _go_round(self, now: Situation, manoeuvre: Manoeuvre) -> list[Step]:
-        """Who has stood for a while since its way is not free looks for one that leads round what is in the way."""
+        """One that has stood for a while since its way is not free looks for one that leads round what is in the way."""
         due_us = max(manoeuvre.since_us, self._planned_us) + WAITS_US
         if now.now_us < due_us or not _stands(now.motion):
             return []
@@ -372,7 +257,7 @@ class SeparationLogic:
     # -- what cannot be ----------------------------------------------------------------------------------------
 
     def _leave(self, now: Situation, unit: str, reason: str) -> list[Step]:
-        """We do not avoid it: it is told, once; where it cannot either, that is an alarm."""
+        """We do not avoid it: it is notified, once; where it cannot either, that is an alarm."""
         meeting, other = self.meetings[unit], now.neighbours[unit]
         theirs = meeting.refused or other.cannot
         if not theirs and other.rank(now.now_us) is RightOfWay.CANNOT:
@@ -385,7 +270,7 @@ class SeparationLogic:
             meeting.state = MeetingState.NEITHER
             return [Neither(unit, meeting.seconds, (reason, theirs))]
         is_news, meeting.told, meeting.state = not meeting.told, True, MeetingState.LEFT
-        return [Leave(unit, reason)] if is_news else []
+        return [LeaveTo(unit, reason)] if is_news else []
 
     def on_not_flown(self, reason: str, now_us: int, *, overtaken: bool) -> list[Step]:
         """Our autopilot does not fly the manoeuvre: it refused, another's target took its place, or nothing moves."""
@@ -409,9 +294,9 @@ class SeparationLogic:
             self.manoeuvre.awaited.discard(unit)
 
     def on_declined(self, unit: str, now_us: int) -> None:
-        """It has refused our manoeuvre: another one is planned, of which its newest word is part."""
+        """It has refused our manoeuvre: another one is planned, and its newest intent is part of that."""
         manoeuvre = self.manoeuvre
-        if manoeuvre is not None and manoeuvre.state is ManoeuvreState.ASKED and unit in manoeuvre.awaited:
+        if manoeuvre is not None and manoeuvre.state is ManoeuvreState.PROPOSED and unit in manoeuvre.awaited:
             self._refusals += 1
             self.manoeuvre, self._planned_us = None, now_us - AGAIN_US // 2
 
@@ -420,7 +305,7 @@ class SeparationLogic:
         seconds = self.meets(now, unit)
         meeting = self.meetings.get(unit)
         if meeting is None:
-            meeting = self.meetings[unit] = Meeting(now.now_us, seconds, seen_us=now.now_us)
+            meeting = self.meetings[unit] = PairMeeting(now.now_us, seconds, seen_us=now.now_us)
         because = now.cannot or self.cannot
         if not because and plan(self._yielding(now, everything=True)) is None:
             because = NOTHING_FREE
@@ -438,7 +323,7 @@ class SeparationLogic:
         return self._leave(now, unit, now.cannot or self.cannot or NOTHING_FREE)
 
     def forget(self, units: Iterable[str]) -> list[Step]:
-        """Nothing keeps them apart any more: no task wants it."""
+        """Nothing keeps them apart now: no task wants it."""
         steps: list[Step] = [Over(unit) for unit in units if self.meetings.pop(unit, None) is not None]
         return steps
 

@@ -1,7 +1,7 @@
 """Intents out and in: that of the own vehicle as the stream `intent`, those of others while a task keeps vehicles apart.
 
 The own one is put out twice a second, on the grid. What others say is imported from all platforms that offer it; one that offers
-none is taken by its position. Who is silent in the air is told. Times are the node clock.
+none is taken by its position. A vehicle that is silent in the air is an alarm. Times are the node clock.
 """
 
 from collections.abc import Callable, Iterable
@@ -31,7 +31,7 @@ from reasoning import SILENT_IN_THE_AIR, AlarmEvent
 PERIOD_US: Final = 500_000
 LOOK_US: Final = 500_000
 TELLS_US: Final = 3_000_000
-"""So long after its last word a vehicle in the air is told to be silent."""
+"""So long after its last word a vehicle in the air is reported as silent."""
 LEFT_US: Final = 60_000_000
 """How long one stays traffic whose platform has left in flight."""
 _OWN_US: Final = 2_000_000
@@ -142,7 +142,7 @@ class Neighbourhood(Part):
         return self._due_us
 
     def on_time(self, now_us: int) -> None:
-        """Ask for what is needed, and tell who is silent."""
+        """Ask for what is needed, and report those that are silent."""
         if self._due_us is None or now_us < self._due_us:
             return
         watched = self.is_watched

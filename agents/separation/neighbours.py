@@ -1,7 +1,7 @@
-"""The other vehicles as traffic: what each said last of where it will be, grown while it is silent, bounded where it lies.
+"""The other vehicles as traffic: where each was to be by its newest intent, grown while it is silent, bounded where it lies.
 
-A member that falls silent in the air stays traffic, by its intent and its contingency, wider by half a metre a second, until it
-is heard again, is seen on the ground, or its battery must be empty. One that never said an intent is taken by its motion.
+A member that is silent, in the air, stays traffic, by its intent and its contingency, wider by half a metre a second, until it
+is heard again, is seen on the ground, or its battery must be empty. One that has published no intent is taken by its motion.
 Federation time.
 """
 
@@ -41,9 +41,9 @@ class Neighbour:
 
     Attributes:
         intent: its newest word; heard_us: when that, or its position, came.
-        said: whether it has said an intent itself.
+        said: whether it has published an intent itself.
         leapt_us: when it was last somewhere where no vehicle gets so fast; the intent before stands then.
-        cannot: why it does not avoid us, in its own words, said at `cannot_us`; empty: it has not said that.
+        cannot: why it does not avoid us, in its own words, since `cannot_us`; empty: it has reported nothing of the kind.
     """
 
     unit: str
@@ -64,13 +64,13 @@ class Neighbour:
         return max(0.0, (now_us - self.intent.at_us) / 1e6)
 
     def rank(self, now_us: int) -> RightOfWay:
-        """Its right of way: one that is silent, or never said an intent, cannot be asked for anything."""
+        """Its right of way: one that is silent, or has published no intent, cannot be asked for anything."""
         if not self.said or self.cannot or self.is_silent(now_us) or self.leapt_us is not None:
             return RightOfWay.CANNOT
         return self.intent.rank
 
     def tubes(self, origin: FlatOrigin, now_us: int, steps: int) -> list[Tube]:
-        """Where it will be from now on: as it said, and as its autopilot flies it when nobody is heard."""
+        """Where it will be from now on: as it has published, and as its autopilot flies it on a lost link."""
         age_s = self.age_s(now_us)
         needed = min(_LONGEST, STEPS * (1 + (steps + int(age_s / STEP_S)) // STEPS))
         if self._of is None or self._of[0] is not self.intent or self._of[1] is not origin or self._of[2] < needed:
@@ -87,7 +87,7 @@ class Neighbour:
 
 
 class Traffic3D(NamedTuple):
-    """The tubes of several neighbours: shape (K, 5, steps), with whose each is, and whether it is as that one said."""
+    """The tubes of several neighbours: an array of (K, 5, steps), with whose each is, and whether it is the nominal one."""
 
     tubes: npt.NDArray[np.float64]
     units: tuple[str, ...]
@@ -102,7 +102,7 @@ class Neighbours:
         self.left_out: dict[str, int] = {}
 
     def take(self, unit: str, intent: Intent, now_us: int) -> str | None:
-        """An intent that a member said; returns in words why it is not believed, the first time."""
+        """An intent that a member has published; returns in words why it is not believed, the first time."""
         intent = _bounded(intent)
         known = self.by_unit.get(unit)
         if known is None or not known.said:
@@ -127,7 +127,7 @@ class Neighbours:
         return None
 
     def see(self, unit: str, fix: Fix, now_us: int) -> None:
-        """Where a member is that has said no intent: it is taken by its motion."""
+        """Where a member is that has published no intent: it is taken by its motion."""
         known = self.by_unit.get(unit)
         if known is not None and known.said:
             return
@@ -149,7 +149,7 @@ class Neighbours:
         self.by_unit.pop(unit, None)
 
     def expire(self, now_us: int) -> None:
-        """Forget those whose battery must be empty, and those on the ground of which nothing is heard."""
+        """Forget those whose battery must be empty, and those on the ground that are silent."""
         for unit, each in list(self.by_unit.items()):
             if now_us - each.heard_us > FORGOTTEN_US or (not each.intent.is_airborne and each.is_silent(now_us)):
                 del self.by_unit[unit]

@@ -10,7 +10,7 @@
     LAND                                   down                                          cannot
     its pilot, anything else               its motion, and what it reaches               cannot
 
-A vehicle that may not be commanded, or is told not to give way, cannot. Federation time, WGS-84, metres above mean sea level.
+A vehicle that may not be commanded, or is without leave to give way, cannot. Federation time, WGS-84, metres above mean sea level.
 """
 
 from typing import Final
@@ -85,7 +85,7 @@ class OwnIntent:
         return self.without_others(fix)
 
     def without_others(self, fix: Fix) -> Intent:
-        """What it would fly if there were nobody else."""
+        """What it would fly if there were no others."""
         source, legs, ending = self._way(fix)
         return self._made(fix, source, self._rank(), legs, ending)
 
@@ -196,7 +196,7 @@ class OwnIntent:
     def _contingency(
         self, here: IntendedPlace, source: IntentSource, legs: tuple[IntendedPlace, ...]
     ) -> Contingency | None:
-        """What its autopilot does when it hears nobody; None: it flies its legs to their end."""
+        """What its autopilot does on a lost link; None: it flies its legs to their end."""
         failsafe = self._pilot.failsafe
         action: LinkLossAction | None = None
         if failsafe is not None:

@@ -68,7 +68,7 @@ def failsafe_text(contingency: Contingency | None) -> str:
 
 
 def failsafe_of(text: Value) -> Contingency | None:
-    """What `failsafe_text` wrote; None: there is none, or somebody wrote something else."""
+    """What `failsafe_text` wrote; None: there is none, or it is something else."""
     words = text.split(" ", 2) if isinstance(text, str) else []
     if len(words) != 3:
         return None
@@ -83,12 +83,12 @@ def failsafe_of(text: Value) -> Contingency | None:
 
 
 def legs_text(legs: tuple[IntendedPlace, ...]) -> str:
-    """The legs as `latitude,longitude,altitude;...`, at most so many as are read."""
+    """The legs as `latitude,longitude,altitude;...`, no more than are read."""
     return ";".join(f"{lat:.7f},{lon:.7f},{alt:.1f}" for lat, lon, alt in legs[:MOST_LEGS])
 
 
 def legs_of(text: Value) -> tuple[IntendedPlace, ...] | None:
-    """What `legs_text` wrote; None: somebody wrote something else."""
+    """What `legs_text` wrote; None: it is something else."""
     if not isinstance(text, str):
         return None
     if not text:

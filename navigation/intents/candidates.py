@@ -65,8 +65,8 @@ class Yielding(NamedTuple):
     """What is known when a vehicle yields.
 
     Attributes:
-        motion: its own now; legs, ending: its way if nobody were there; performance: of the vehicle.
-        others: the tubes of all others and of their contingencies, from now on, shape (K, 5, steps).
+        motion: its own now; legs, ending: its way if there were no others; performance: of the vehicle.
+        others: the tubes of all others and of their contingencies, from now on, an array of (K, 5, steps).
         allowed: whether it may stand at a place.
     """
 

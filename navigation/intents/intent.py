@@ -1,4 +1,4 @@
-"""An operational intent: where a vehicle will be, and where it goes if nobody hears it any more (ASTM F3548, InterUSS).
+"""An operational intent: where a vehicle will be, and where it goes when its link is lost (ASTM F3548, InterUSS).
 
 Places are WGS-84 degrees and metres above mean sea level, velocities metres per second north, east, down, times federation time.
 """
@@ -8,7 +8,7 @@ from typing import Final, NamedTuple
 
 MOST_LEGS: Final = 16
 CLIMB_M_S, DESCENT_M_S = 2.5, 1.5
-"""What autopilots climb and sink at unless they are told otherwise (ArduCopter WPNAV_SPEED_UP, WPNAV_SPEED_DN)."""
+"""What autopilots climb and sink at unless they are set otherwise (ArduCopter WPNAV_SPEED_UP, WPNAV_SPEED_DN)."""
 SPEED_M_S: Final = 5.0
 
 

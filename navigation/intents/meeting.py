@@ -30,7 +30,7 @@ Closeness = npt.NDArray[np.float64]
 
 
 def closeness(own: Tube, others: npt.NDArray[np.float64], minima: Minima) -> Closeness:
-    """Of one tube (5, N) to others (K, 5, N): shape (K, N), without a unit."""
+    """Of one tube (5, N) to others (K, 5, N): an array of (K, N), without a unit."""
     level = np.hypot(others[:, 0] - own[0], others[:, 1] - own[1]) / (minima.level_m + others[:, 4] + own[4])
     gap = np.maximum(others[:, 2] - own[3], own[2] - others[:, 3])
     found: Closeness = np.maximum(level, gap / minima.upright_m)
@@ -38,13 +38,13 @@ def closeness(own: Tube, others: npt.NDArray[np.float64], minima: Minima) -> Clo
 
 
 def bounds_of(close: Closeness) -> npt.NDArray[np.float64]:
-    """What the closeness of each pair may not fall below: 1, or less where it is less at the start; shape (K, 1)."""
+    """What the closeness of each pair may not fall below: 1, or less where it is less at the start; an array of (K, 1)."""
     found: npt.NDArray[np.float64] = np.minimum(1.0, close[:, :1] - NEARER)
     return found
 
 
 def first_meetings(close: Closeness) -> npt.NDArray[np.float64]:
-    """When each pair first meets, in seconds; infinite: not as far as the tubes reach. Shape (K,)."""
+    """When each pair first meets, in seconds; infinite: not as far as the tubes reach. An array of (K,)."""
     met = close < bounds_of(close)
     first = met.argmax(axis=1)
     return np.where(met.any(axis=1), first * STEP_S, np.inf)

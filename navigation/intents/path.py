@@ -27,10 +27,10 @@ SLOW_LANDING: Final = 0.2
 OPEN_M_S, OPEN_MOST_M = 1.0, 15.0
 """How fast a tube widens whose vehicle may do anything, and how wide it grows by that."""
 COASTS_S: Final = 10.0
-"""A vehicle of which only its motion is known is taken to fly on for so long."""
+"""A vehicle that shows its motion alone is taken to fly on for so long."""
 
 Tube: TypeAlias = npt.NDArray[np.float64]
-"""Shape (5, steps): north, east, lowest, highest, radius, all metres."""
+"""An array of (5, steps): north, east, lowest, highest, radius, all metres."""
 
 
 class FlatOrigin(NamedTuple):

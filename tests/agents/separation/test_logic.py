@@ -6,7 +6,7 @@ from random import Random
 
 import pytest
 
-from agents.separation.logic import Fly, GoOn, Leave, MeetingState, Neither
+from agents.separation.situation import Fly, GoOn, LeaveTo, MeetingState, Neither
 from navigation.intents.path import FlatMotion, FlatPlace
 from tests.agents.separation.vehicles import Airspace, Flyer
 
@@ -97,7 +97,7 @@ def test_one_whose_autopilot_refuses_leaves_it_to_the_other() -> None:
     one.refuses = True
     space = Airspace([zero, one])
     space.run(90.0)
-    assert decided(one, Leave) >= 1
+    assert decided(one, LeaveTo) >= 1
     assert decided(zero, Fly)
     assert space.least_m > NEAR_M
 

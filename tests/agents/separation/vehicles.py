@@ -6,18 +6,17 @@ from itertools import combinations
 from math import hypot
 
 from agents.flight.places import Fix
-from agents.separation.logic import (
-    STEPS,
+from agents.separation.logic import STEPS, SeparationLogic
+from agents.separation.neighbours import Neighbours
+from agents.separation.situation import (
     Fly,
     GoOn,
-    Leave,
+    LeaveTo,
     Neither,
     Propose,
-    SeparationLogic,
     Situation,
     Step,
 )
-from agents.separation.neighbours import Neighbours
 from navigation.intents.intent import IntendedPlace, Intent, IntentEnding, IntentSource, RightOfWay
 from navigation.intents.path import FlatMotion, FlatOrigin, FlatPlace, Performance, fly
 
@@ -145,7 +144,7 @@ class Airspace:
                     one.flown = one.logic.manoeuvre.places
             case GoOn():
                 one.flown = None
-            case Leave(unit, reason):
+            case LeaveTo(unit, reason):
                 other = by_unit[unit]
                 known = other.others.by_unit.get(one.unit)
                 if known is None or self.now_s >= other.silent_s:

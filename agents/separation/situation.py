@@ -1,0 +1,137 @@
+"""What the rule of `agents.separation.logic` looks at, what it remembers, and what it decides: values, no decisions."""
+
+from collections.abc import Mapping
+from dataclasses import dataclass, field
+from enum import Enum
+from typing import NamedTuple, TypeAlias
+
+from agents.separation.neighbours import Neighbour, Traffic3D
+from navigation.intents.candidates import Allowed, PlannedManoeuvre
+from navigation.intents.intent import IntentEnding, RightOfWay
+from navigation.intents.path import FlatMotion, FlatPlace, Performance
+
+
+class MeetingState(Enum):
+    """What becomes of a meeting; see the module."""
+
+    EXPECTED = "the other yields"
+    MINE = "ours"
+    LEFT = "left to the other"
+    NEITHER = "neither can"
+
+
+class ManoeuvreState(Enum):
+    """How far our manoeuvre has come; see the module."""
+
+    PROPOSED = "proposed"
+    FLOWN = "flown"
+
+
+class Propose(NamedTuple):
+    """Ask a unit whether the manoeuvre is free of what it flies."""
+
+    unit: str
+    manoeuvre: PlannedManoeuvre
+
+
+class LeaveTo(NamedTuple):
+    """Tell a unit that we do not avoid it, and that it is to do so."""
+
+    unit: str
+    reason: str
+
+
+class Fly(NamedTuple):
+    """Command a place of the manoeuvre; `is_new`: it is the first one."""
+
+    place: FlatPlace
+    is_new: bool
+    words: str
+    units: tuple[str, ...]
+
+
+class GoOn(NamedTuple):
+    """Fly the own way again."""
+
+    units: tuple[str, ...]
+
+
+class Neither(NamedTuple):
+    """Neither avoids the other; `seconds`: until they meet."""
+
+    unit: str
+    seconds: float
+    reasons: tuple[str, str]
+
+
+class Over(NamedTuple):
+    """We meet that unit no longer."""
+
+    unit: str
+
+
+Step: TypeAlias = Propose | LeaveTo | Fly | GoOn | Neither | Over
+
+
+class Situation(NamedTuple):
+    """What one vehicle knows at a moment.
+
+    Attributes:
+        rank: its own right of way without a manoeuvre; cannot: why it may not be commanded, empty if it may.
+        motion, legs, ending, performance: its own, and what it would fly without others.
+        neighbours: by unit; traffic: their tubes from now on.
+        allowed: whether it may stand at a place.
+    """
+
+    now_us: int
+    rank: RightOfWay
+    cannot: str
+    motion: FlatMotion
+    legs: tuple[FlatPlace, ...]
+    ending: IntentEnding
+    performance: Performance
+    neighbours: Mapping[str, Neighbour]
+    traffic: Traffic3D
+    allowed: Allowed
+
+
+@dataclass(slots=True)
+class PairMeeting:
+    """A vehicle that we meet, or met a moment ago.
+
+    Attributes:
+        seconds: until the minima are lost, as it was seen last.
+        is_left: it has left it to us; refused: why it does not take what we have left to it.
+        told: whether we have left it to that one.
+    """
+
+    since_us: int
+    seconds: float
+    state: MeetingState = MeetingState.EXPECTED
+    seen_us: int = 0
+    is_left: bool = False
+    told: bool = False
+    refused: str = ""
+
+
+@dataclass(slots=True)
+class Manoeuvre:
+    """What we fly, or are about to.
+
+    Attributes:
+        units: those that it is for; awaited: those that have not answered.
+        at: which place is flown to.
+    """
+
+    planned: PlannedManoeuvre
+    units: set[str]
+    since_us: int
+    state: ManoeuvreState = ManoeuvreState.PROPOSED
+    awaited: set[str] = field(default_factory=set)
+    at: int = 0
+    free_since_us: int | None = None
+
+    @property
+    def places(self) -> tuple[FlatPlace, ...]:
+        """Those that are ahead."""
+        return self.planned.places[self.at :]
