@@ -404,7 +404,7 @@ class Coordination(Part):
     def report(self, step: str, now_us: int) -> None:
         """Tell the delegators what became of giving way here."""
         for led in self._life.coordinated.values():
-            if led.keeps_apart:
+            if led.avoidance:
                 self._pass_on(led, contents.Progress(step=step[:200], unit=self._unit), now_us)
 
     def _pass_on(self, led: CoordinatedTask, content: contents.Content, now_us: int) -> None:

@@ -46,6 +46,10 @@ class MonitorPlan:
         return self.profile.max_delay_us
 
     @property
+    def starts_avoidance(self) -> bool:
+        return self.profile.starts_avoidance
+
+    @property
     def labels(self) -> tuple[str, ...]:
         """The semantic labels it needs of each unit."""
         return self.profile.labels

@@ -368,7 +368,7 @@ class TaskLife(Part):
             delegator=_speaker(task.initiator),
             since_us=task.since_us,
             monitors=alone if led is None else tuple(plan.name for plan in led.plans),
-            avoidance=None if led is None else led.keeps_apart,
+            avoidance=None if led is None else led.avoidance,
         )
 
     # -- abandoned ---------------------------------------------------------------------------------------------

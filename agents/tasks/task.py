@@ -18,6 +18,8 @@ class TaskPlan(Protocol):
     @property
     def labels(self) -> tuple[str, ...]: ...
     @property
+    def starts_avoidance(self) -> bool: ...
+    @property
     def period_us(self) -> int: ...
     @property
     def max_delay_us(self) -> int: ...
@@ -93,10 +95,15 @@ class CoordinatedTask:
         return self.evidence.delegate
 
     @property
-    def keeps_apart(self) -> bool:
-        """Whether platforms are to give way."""
+    def avoidance(self) -> bool:
+        """Whether platforms may give way for it."""
         content = self.evidence.content
         return not isinstance(content, MonitorProximity) or content.avoidance is not False
+
+    @property
+    def keeps_apart(self) -> bool:
+        """Whether platforms are to give way: they may, and a monitor of it is one that starts avoidance."""
+        return self.avoidance and any(plan.starts_avoidance for plan in self.plans)
 
     @property
     def deadline_us(self) -> int | None:

@@ -109,7 +109,7 @@ TEXTS = [
     "(land)",
     "(return-home)",
     "(resume)",
-    "(avoid alarm: proximity/0 climber: 1 climb_m: 15.0 units: (sequence 0 1))",
+    "(avoid units: (sequence 0 1) legs: 58.0000000,15.0000000,80.0)",
     "(fault kind: gps-loss duration: 5.0)",
     "(fault kind: packet-loss value: 30)",
     '(fly-mission mission: m1 domain: "#objects" problem: "#goal" actions: (sequence "land(uav1)") platforms: (record uav1: "0") chain: (sequence cc))',
