@@ -32,6 +32,7 @@ from agents.separation.situation import (
     Propose,
     Situation,
     Step,
+    Waits,
 )
 from dyknow.model.errors import Refused
 from federation.members.clock import FederationClock
@@ -280,6 +281,8 @@ class GivingWay(Part):
                     self._fly(step, now_us)
                 case GoOn(units):
                     self._go_on(units, now_us)
+                case Waits(units):
+                    self._tell(f"{self._unit} waits: {', '.join(units) or 'another'} is where it is to fly", now_us)
                 case Neither():
                     self._on_neither(step)
                 case Over(unit):

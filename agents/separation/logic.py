@@ -35,6 +35,7 @@ from agents.separation.situation import (
     Propose,
     Situation,
     Step,
+    Waits,
 )
 from federation.members.directory import unit_order
 from navigation.intents.candidates import NEVER_S, PlannedManoeuvre, Yielding, plan, way_is_free
@@ -104,13 +105,13 @@ class SeparationLogic:
             return fly(now.motion, manoeuvre.places, IntentEnding.HOVER, now.performance, STEPS)
         return fly(now.motion, now.legs, now.ending, now.performance, STEPS)
 
-    def _soon(self, now: Situation, tube: Tube) -> dict[str, float]:
+    def _soon(self, now: Situation, tube: Tube, within_s: float = LOOK_S) -> dict[str, float]:
         """Those that it meets on that way, and in how many seconds; contingencies count of those that are silent."""
         traffic, found = now.traffic, dict[str, float]()
         if not traffic.units:
             return found
         seconds = first_meetings(closeness(tube, traffic.tubes, MINIMA))
-        for at in np.flatnonzero(seconds <= LOOK_S):
+        for at in np.flatnonzero(seconds <= within_s):
             unit = traffic.units[at]
             if traffic.is_nominal[at] or now.neighbours[unit].is_silent(now.now_us):
                 found[unit] = min(found.get(unit, np.inf), float(seconds[at]))
@@ -118,7 +119,7 @@ class SeparationLogic:
 
     def meets(self, now: Situation, unit: str) -> float:
         """In how many seconds it meets that unit on its present way; infinite: not at all."""
-        return self._soon(now, self.flown(now)).get(unit, np.inf)
+        return self._soon(now, self.flown(now), np.inf).get(unit, np.inf)
 
     def _meet(self, now: Situation, soon: Mapping[str, float]) -> list[Step]:
         steps: list[Step] = []
@@ -247,8 +248,14 @@ class SeparationLogic:
         self._planned_us = now.now_us
         found = plan(self._yielding(now, everything=True))
         if found is None or found.minima is None or found.cost_s >= NEVER_S:
-            return []
+            is_news, manoeuvre.waits = not manoeuvre.waits, True
+            return [Waits(self._in_the_way(now))] if is_news else []
         return self._begin(now, Manoeuvre(found, set(manoeuvre.units), now.now_us))
+
+    def _in_the_way(self, now: Situation) -> tuple[str, ...]:
+        """Those that its own way meets, as far as it is looked at."""
+        way = fly(now.motion, now.legs, now.ending, now.performance, STEPS)
+        return tuple(sorted(self._soon(now, way, np.inf)))
 
     def _end(self, manoeuvre: Manoeuvre) -> list[Step]:
         self.manoeuvre = None

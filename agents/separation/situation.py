@@ -70,7 +70,13 @@ class Over(NamedTuple):
     unit: str
 
 
-Step: TypeAlias = Propose | LeaveTo | Fly | GoOn | Neither | Over
+class Waits(NamedTuple):
+    """It stands since its own way is taken by those units, and there is none round them."""
+
+    units: tuple[str, ...]
+
+
+Step: TypeAlias = Waits | Propose | LeaveTo | Fly | GoOn | Neither | Over
 
 
 class Situation(NamedTuple):
@@ -121,6 +127,7 @@ class Manoeuvre:
     Attributes:
         units: those that it is for; awaited: those that have not answered.
         at: which place is flown to.
+        waits: whether it was reported that there is no way round what is in the way.
     """
 
     planned: PlannedManoeuvre
@@ -130,6 +137,7 @@ class Manoeuvre:
     awaited: set[str] = field(default_factory=set)
     at: int = 0
     free_since_us: int | None = None
+    waits: bool = False
 
     @property
     def places(self) -> tuple[FlatPlace, ...]:

@@ -12,7 +12,7 @@ from sim_uavs.dynamics.flight import Mode
 
 LEAVES = frozenset({Mode.AUTO, Mode.RTL, Mode.LAND})
 """Modes out of which a platform with leave (`missions`) takes its vehicle in order to keep apart."""
-_EXPLAINING_NOTES = ("it is not known where the vehicle was going",)
+_EXPLAINING_NOTES = ("it is not known where the vehicle was going", "is where it is to fly")
 
 
 class Manoeuvre(NamedTuple):
@@ -39,4 +39,4 @@ def why_not(platform: Platform, notes: list[str]) -> str:
         return pilot._rests
     if pilot.errand is not None and pilot.errand.has_failed and pilot.diversion is None:
         return pilot.errand.reason
-    return next((note for note in reversed(notes) if note.startswith(_EXPLAINING_NOTES)), "")
+    return next((note for note in reversed(notes) if any(words in note for words in _EXPLAINING_NOTES)), "")

@@ -30,10 +30,12 @@ LEVELS_M: Final = (14.0, 24.0, 36.0)
 BACK_M: Final = 40.0
 ABOVE_M: Final = WIDER.upright_m + 2.0
 """How far above or below the tube of another a level is."""
+SHORT_S: Final = (2.0, 6.0)
+"""So long before it would meet another one a vehicle may wait on its own way."""
 PLANNED_STEPS: Final = 61
 """A manoeuvre is free for 30 s, or it is none."""
-WAY_STEPS: Final = 41
-"""The way back is free for 20 s from where it begins."""
+WAY_STEPS: Final = 61
+"""The way back is free for 30 s from where it begins."""
 RETURNS_S: Final = (4.0, 8.0, 12.0, 17.0, 22.0, 30.0)
 NEVER_S: Final = 60.0
 """What a manoeuvre costs whose way back is not free within half a minute."""
@@ -85,7 +87,7 @@ class _Candidate(NamedTuple):
 
 
 def way_is_free(yielding: Yielding, minima: Minima = WIDER) -> bool:
-    """Whether the own way is free of all others from now on, for 20 s."""
+    """Whether the own way is free of all others from now on, for 30 s."""
     tube = fly(yielding.motion, yielding.legs, yielding.ending, yielding.performance, WAY_STEPS)
     return clearance(closeness(tube, yielding.others[:, :, :WAY_STEPS], minima)) >= 1.0
 
@@ -190,8 +192,11 @@ def _candidates(yielding: Yielding) -> Iterator[_Candidate]:
         )
 
     here_m = motion.altitude_m
+    levels, short = _look_ahead(yielding)
+    for place in short:
+        if hypot(place.north_m - motion.north_m, place.east_m - motion.east_m) > runs_m:
+            yield _Candidate((place,), 0.0, "waits short of it")
     yield _Candidate((ahead(runs_m, 0.0, here_m),), 0.0, "stops")
-    levels = _levels(yielding)
     for level_m in levels:
         change_m = abs(level_m - here_m)
         rate = (performance.climb_m_s if level_m > here_m else performance.descent_m_s) * SLOW
@@ -227,19 +232,29 @@ def _direction(motion: FlatMotion, legs: Sequence[FlatPlace], speed: float) -> t
     return 1.0, 0.0
 
 
-def _levels(yielding: Yielding) -> list[float]:
-    """Levels just above and below those that it would meet, and fixed steps; the nearest first, each once."""
-    motion = yielding.motion
-    others = yielding.others
+class _Ahead(NamedTuple):
+    """What the own way meets: levels just clear of that, the nearest first, and places short of it, the farthest first."""
+
+    levels: list[float]
+    short: list[FlatPlace]
+
+
+def _look_ahead(yielding: Yielding) -> _Ahead:
+    motion, others = yielding.motion, yielding.others
     found = [motion.altitude_m + sign * step_m for step_m in LEVELS_M for sign in (1.0, -1.0)]
+    short: list[FlatPlace] = []
     if len(others):
         own = fly(motion, yielding.legs, yielding.ending, yielding.performance, min(PLANNED_STEPS, others.shape[2]))
         close = closeness(own, others[:, :, : own.shape[1]], WIDER)
-        for at in np.flatnonzero(np.isfinite(first_meetings(close)))[:4]:
+        seconds = first_meetings(close)
+        for at in np.flatnonzero(np.isfinite(seconds))[:4]:
             found += [float(others[at, 3].max()) + ABOVE_M, float(others[at, 2].min()) - ABOVE_M]
+        for before_s in SHORT_S if np.isfinite(seconds).any() else ():
+            at = max(0, int((float(seconds.min()) - before_s) / STEP_S))
+            short.append(FlatPlace(float(own[0, at]), float(own[1, at]), float(own[2, at] + own[3, at]) / 2.0))
     found.sort(key=lambda level_m: abs(level_m - motion.altitude_m))
-    kept: list[float] = []
+    levels: list[float] = []
     for level_m in found:
-        if all(abs(level_m - each) > 3.0 for each in kept):
-            kept.append(level_m)
-    return kept
+        if all(abs(level_m - each) > 3.0 for each in levels):
+            levels.append(level_m)
+    return _Ahead(levels, short)
