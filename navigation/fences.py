@@ -4,8 +4,9 @@ Degrees are WGS-84. Distances are in a plane about the vehicle's place: within a
 """
 
 from collections.abc import Sequence
+from enum import StrEnum
 from math import ceil, hypot
-from typing import Final, Literal, NamedTuple, TypeAlias
+from typing import Final, NamedTuple, TypeAlias
 
 import numpy as np
 import numpy.typing as npt
@@ -21,6 +22,13 @@ LevelPlace: TypeAlias = tuple[float, float]
 _Metres: TypeAlias = npt.NDArray[np.float64]
 
 
+class FenceKind(StrEnum):
+    """On which side of a fence a vehicle stays."""
+
+    INCLUSION = "inclusion"
+    EXCLUSION = "exclusion"
+
+
 class FenceArea(NamedTuple):
     """A polygon or a circle, from the ground up.
 
@@ -31,7 +39,7 @@ class FenceArea(NamedTuple):
         radius_m: of a circle.
     """
 
-    kind: Literal["inclusion", "exclusion"]
+    kind: FenceKind
     corners: tuple[LevelPlace, ...] = ()
     centre: LevelPlace | None = None
     radius_m: float = 0.0
@@ -62,9 +70,9 @@ def fence_refusal(
         margin_m: how far it keeps from the edge of an area.
     """
     here = end if start is None else start
-    inclusions = [area for area in areas if area.kind == "inclusion"]
+    inclusions = [area for area in areas if area.kind is FenceKind.INCLUSION]
     if union and len(inclusions) > 1:
-        areas = [area for area in areas if area.kind == "exclusion"]
+        areas = [area for area in areas if area.kind is FenceKind.EXCLUSION]
         refusal = _outside_of_all(inclusions, here, end, margin_m, is_placed=start is not None)
         if refusal is not None:
             return refusal
@@ -80,7 +88,7 @@ def _refusal(area: FenceArea, start: LevelPlace, end: LevelPlace, margin_m: floa
     here_m, there_m = clearance_m(area, start), clearance_m(area, end)
     needed_m = (min(margin_m, here_m) if is_placed else margin_m) - _TOLERANCE_M
     if there_m < needed_m:
-        side = "inside" if area.kind == "inclusion" else "outside of"
+        side = "inside" if area.kind is FenceKind.INCLUSION else "outside of"
         return f"the place is not {margin_m:.0f} m {side} the autopilot's {area}"
     if here_m >= 0.0 and is_placed and _edge_distance_m(area, start, end) < needed_m:
         return (
@@ -124,7 +132,7 @@ def _clearances_m(area: FenceArea, origin: LevelPlace, points: _Metres) -> _Metr
         inside_m = np.array([_signed_m(point, corners, nexts) for point in points])
     else:
         inside_m = area.radius_m - np.hypot(*(points - _metres(origin, [area.centre or origin])).T)
-    return inside_m if area.kind == "inclusion" else -inside_m
+    return inside_m if area.kind is FenceKind.INCLUSION else -inside_m
 
 
 def _signed_m(point: _Metres, corners: _Metres, nexts: _Metres) -> float:
@@ -151,7 +159,7 @@ def _edge_distance_m(area: FenceArea, start: LevelPlace, end: LevelPlace) -> flo
     here, there = np.zeros(2), _metres(start, [end])[0]
     if not area.corners:
         centre = _metres(start, [area.centre or start])[0]
-        if area.kind == "inclusion":
+        if area.kind is FenceKind.INCLUSION:
             return area.radius_m - max(hypot(*centre), hypot(*(there - centre)))
         return float(_to_segments_m(centre, here[None], there[None])[0]) - area.radius_m
     corners = _metres(start, area.corners)

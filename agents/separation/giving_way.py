@@ -211,7 +211,7 @@ class GivingWay(Part):
         if known.leapt_us is not None:
             raise Refused(f"the position of {other} has leapt", "implausible")
         if not self._neighbourhood.is_watched:
-            raise Refused("no task here keeps vehicles apart", "no-task")
+            raise Refused("no task here keeps vehicles apart", "unwatched")
         situation = self._situation(fix)
         if situation is None:
             raise Refused("the vehicle is on the ground or not armed", "grounded")
@@ -327,7 +327,8 @@ class GivingWay(Part):
         fix = self._pilot.fix
         situation = None if fix is None else self._situation(fix)
         if situation is not None and unit in situation.neighbours:
-            self._do(self.logic.on_left_refused(unit, reason.text, situation), now_us)
+            unseen = reason.code == "no-evidence"
+            self._do(self.logic.on_left_refused(unit, reason.text, situation, is_unseen=unseen), now_us)
 
     def _fly(self, step: Fly, now_us: int) -> None:
         manoeuvre = self.logic.manoeuvre

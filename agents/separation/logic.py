@@ -276,8 +276,11 @@ class SeparationLogic:
         if theirs:
             meeting.state = MeetingState.NEITHER
             return [Neither(unit, meeting.seconds, (reason, theirs))]
-        is_news, meeting.told, meeting.state = not meeting.told, True, MeetingState.LEFT
-        return [LeaveTo(unit, reason)] if is_news else []
+        meeting.state = MeetingState.LEFT
+        if meeting.told_us is not None and not (meeting.is_unseen and now.now_us >= meeting.told_us + AGAIN_US):
+            return []
+        meeting.told_us, meeting.is_unseen = now.now_us, False
+        return [LeaveTo(unit, reason)]
 
     def on_not_flown(self, reason: str, now_us: int, *, overtaken: bool) -> list[Step]:
         """Our autopilot does not fly the manoeuvre: it refused, another's target took its place, or nothing moves."""
@@ -321,10 +324,13 @@ class SeparationLogic:
         meeting.is_left, meeting.state = True, MeetingState.MINE
         return None
 
-    def on_left_refused(self, unit: str, reason: str, now: Situation) -> list[Step]:
-        """It cannot take what we have left to it."""
+    def on_left_refused(self, unit: str, reason: str, now: Situation, *, is_unseen: bool = False) -> list[Step]:
+        """It cannot take what we have left to it; `is_unseen`: it does not see the meeting yet, and is notified again."""
         meeting = self.meetings.get(unit)
-        if meeting is None or not meeting.told:
+        if meeting is None or meeting.told_us is None:
+            return []
+        if is_unseen and meeting.seconds > URGENT_S:
+            meeting.is_unseen = True
             return []
         meeting.refused = reason or "no reason"
         return self._leave(now, unit, now.cannot or self.cannot or NOTHING_FREE)

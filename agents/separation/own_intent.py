@@ -119,10 +119,11 @@ class OwnIntent:
             return IntentSource.MISSION, (towards,), IntentEnding.HOVER
         if pilot.diversion is not None and pilot.kept_aside is not None:
             return self._aside(pilot.kept_aside)
-        commander = pilot.claims._replace(avoidance="").commander
+        claims = pilot.claims._replace(avoidance="")
+        commander = claims.commander if pilot.control else Commander.NONE
         if commander is Commander.HANDS or (status is not None and not status.guided):
             return IntentSource.PILOT, (), IntentEnding.OPEN
-        order = pilot.standing
+        order = pilot.standing if pilot.control else None
         if commander is Commander.ROUTE and pilot.plan is not None:
             legs = self._route(fix)
             if legs:
@@ -131,7 +132,12 @@ class OwnIntent:
             return IntentSource.ORDER, (IntendedPlace(*order[:3]),), IntentEnding.HOVER
         if isinstance(order, HoldOrder):
             return IntentSource.HOVER, (), IntentEnding.HOVER
-        if pilot.plan is not None and pilot.leg >= len(pilot.plan.waypoints) and pilot.keeps_plan:
+        if (
+            commander is not Commander.NONE
+            and pilot.plan is not None
+            and pilot.leg >= len(pilot.plan.waypoints)
+            and pilot.keeps_plan
+        ):
             return IntentSource.HOVER, (), IntentEnding.HOVER
         if towards is not None and pilot.diversion is None:
             return IntentSource.STATION, (towards,), IntentEnding.HOVER

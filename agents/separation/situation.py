@@ -108,7 +108,7 @@ class PairMeeting:
     Attributes:
         seconds: until the minima are lost, as it was seen last.
         is_left: it has left it to us; refused: why it does not take what we have left to it.
-        told: whether we have left it to that one.
+        told_us: when we have left it to that one; is_unseen: that one did not see the meeting then.
     """
 
     since_us: int
@@ -116,7 +116,8 @@ class PairMeeting:
     state: MeetingState = MeetingState.EXPECTED
     seen_us: int = 0
     is_left: bool = False
-    told: bool = False
+    told_us: int | None = None
+    is_unseen: bool = False
     refused: str = ""
 
 

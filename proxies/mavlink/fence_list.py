@@ -7,24 +7,24 @@ is requested again. The list is read when the vehicle is met, when it acknowledg
 from collections.abc import Sequence
 from enum import Enum, auto
 from math import isfinite
-from typing import Any, Final, Literal, NamedTuple
+from typing import Any, Final, NamedTuple
 
 from pymavlink.dialects.v20 import ardupilotmega as mavlink
 
-from navigation.fences import FenceArea
+from navigation.fences import FenceArea, FenceKind
 from proxies.mavlink.ways import OURSELVES, Target
 
 MOST_ITEMS, MOST_CORNERS = 512, 128
 _LARGEST_M = 100_000.0
 _FENCE = mavlink.MAV_MISSION_TYPE_FENCE
 _AGAIN_US, _READ_US, _ATTEMPTS = 1_000_000, 60_000_000, 5
-_POLYGONS: Final[dict[int, Literal["inclusion", "exclusion"]]] = {
-    mavlink.MAV_CMD_NAV_FENCE_POLYGON_VERTEX_INCLUSION: "inclusion",
-    mavlink.MAV_CMD_NAV_FENCE_POLYGON_VERTEX_EXCLUSION: "exclusion",
+_POLYGONS: Final[dict[int, FenceKind]] = {
+    mavlink.MAV_CMD_NAV_FENCE_POLYGON_VERTEX_INCLUSION: FenceKind.INCLUSION,
+    mavlink.MAV_CMD_NAV_FENCE_POLYGON_VERTEX_EXCLUSION: FenceKind.EXCLUSION,
 }
-_CIRCLES: Final[dict[int, Literal["inclusion", "exclusion"]]] = {
-    mavlink.MAV_CMD_NAV_FENCE_CIRCLE_INCLUSION: "inclusion",
-    mavlink.MAV_CMD_NAV_FENCE_CIRCLE_EXCLUSION: "exclusion",
+_CIRCLES: Final[dict[int, FenceKind]] = {
+    mavlink.MAV_CMD_NAV_FENCE_CIRCLE_INCLUSION: FenceKind.INCLUSION,
+    mavlink.MAV_CMD_NAV_FENCE_CIRCLE_EXCLUSION: FenceKind.EXCLUSION,
 }
 _REMEDY = "only the autopilot keeps this area; upload a fence that is right"
 _V2 = 0xFD

@@ -39,6 +39,7 @@ from dyknow.model.errors import DecodeError
 from dyknow.model.instants import MAX_DURATION_US
 from dyknow.network.process import Outcome
 from federation.transport import WireEvent
+from navigation.fences import FenceArea, FenceKind
 from navigation.heard_aircraft import HeardAircraft
 from navigation.vehicle import ImageDetection, LinkLossAction, Report
 from proxies.recordings.event_fields import made, shown
@@ -63,6 +64,7 @@ _KINDS: dict[str, type[Any]] = {
         *get_args(WireEvent),
         *get_args(Report),
         ImageDetection,
+        FenceArea,
         HeardAircraft,
         *get_args(HostEvent),
         Reported,
@@ -83,7 +85,7 @@ _KINDS: dict[str, type[Any]] = {
     )
 }
 _EVENTS = frozenset(get_args(Event))
-_WORDS: dict[str, type[Enum]] = {"LinkLossAction": LinkLossAction}
+_WORDS: dict[str, type[Enum]] = {"LinkLossAction": LinkLossAction, "FenceKind": FenceKind}
 """Enumerations that fields of events have."""
 
 

@@ -7,7 +7,7 @@ from collections.abc import Sequence
 from math import hypot
 from typing import Final, NamedTuple
 
-from navigation.fences import FenceArea
+from navigation.fences import FenceArea, FenceKind
 from navigation.geodesy import LocalFrame
 from navigation.vehicle import FenceReport
 from sim_uavs.dynamics.flight import Flight, Mode, Said
@@ -58,7 +58,7 @@ class FlightFence:
         self.areas, home_m = tuple(areas), self._frame.altitude_m
         self._local = [
             _LocalArea(
-                area.kind == "inclusion",
+                area.kind is FenceKind.INCLUSION,
                 tuple(self._frame.to_ned(*corner, home_m)[:2] for corner in area.corners),
                 (0.0, 0.0) if area.centre is None else self._frame.to_ned(*area.centre, home_m)[:2],
                 area.radius_m,

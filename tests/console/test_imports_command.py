@@ -44,8 +44,12 @@ def test_every_stream_is_listed_where_it_comes_in_with_what_became_of_its_sample
     assert imports(call, unit=None) == DONE
     shown = lines()
     assert {(each["unit"], each["of"]) for each in shown} == {(a, b) for a in range(3) for b in range(3) if a != b}
-    assert {each["label"] for each in shown} == {"heli-position", "heli-altitude", "heli-velocity"}
-    assert all(each["received"] > 10 and (each["lost"], each["missing"], each["every"]) == (0, 0, 1) for each in shown)
+    assert {each["label"] for each in shown} == {"heli-position", "heli-altitude", "heli-velocity", "intent"}
+    assert all(
+        each["received"] > (3 if each["label"] == "intent" else 10)
+        and (each["lost"], each["missing"], each["every"]) == (0, 0, 1)
+        for each in shown
+    )
     assert {(each["unit"], each["of"]) for each in shown if each["recovered"]} == {(0, 1)}
     assert imports(call, unit="2") == DONE
     assert {each["unit"] for each in lines()} == {2}

@@ -7,7 +7,7 @@ from hypothesis import assume, given
 from hypothesis import strategies as st
 from shapely.geometry import LineString, Point, Polygon
 
-from navigation.fences import FenceArea, LevelPlace, clearance_m, fence_refusal
+from navigation.fences import FenceArea, FenceKind, LevelPlace, clearance_m, fence_refusal
 from navigation.geodesy import metres_per_degree
 
 HOME = (55.72, 13.46)
@@ -18,11 +18,11 @@ def place(north_m: float, east_m: float) -> LevelPlace:
     return HOME[0] + north_m / NORTH_M, HOME[1] + east_m / EAST_M
 
 
-def polygon(kind: str, *corners: tuple[float, float]) -> FenceArea:
+def polygon(kind: FenceKind, *corners: tuple[float, float]) -> FenceArea:
     return FenceArea(kind, tuple(place(*corner) for corner in corners))
 
 
-def circle(kind: str, north_m: float, east_m: float, radius_m: float) -> FenceArea:
+def circle(kind: FenceKind, north_m: float, east_m: float, radius_m: float) -> FenceArea:
     return FenceArea(kind, centre=place(north_m, east_m), radius_m=radius_m)
 
 
@@ -30,7 +30,7 @@ SQUARE = ((-50.0, -50.0), (-50.0, 50.0), (50.0, 50.0), (50.0, -50.0))
 
 
 def test_a_place_keeps_two_metres_from_the_edge_of_an_inclusion() -> None:
-    inside = polygon("inclusion", *SQUARE)
+    inside = polygon(FenceKind.INCLUSION, *SQUARE)
     assert fence_refusal([inside], place(0, 0), place(47.9, 0)) is None
     assert fence_refusal([inside], place(0, 0), place(48.1, 0)) == (
         "the place is not 2 m inside the autopilot's inclusion fence (4 corners)"
@@ -40,7 +40,10 @@ def test_a_place_keeps_two_metres_from_the_edge_of_an_inclusion() -> None:
 
 
 def test_a_straight_way_through_an_exclusion_is_refused_and_one_around_it_is_not() -> None:
-    for outside in (polygon("exclusion", (-5, 40), (5, 40), (5, 60), (-5, 60)), circle("exclusion", 0, 50, 5)):
+    for outside in (
+        polygon(FenceKind.EXCLUSION, (-5, 40), (5, 40), (5, 60), (-5, 60)),
+        circle(FenceKind.EXCLUSION, 0, 50, 5),
+    ):
         refusal = fence_refusal([outside], place(0, 0), place(0, 100))
         assert refusal is not None and "the straight way there crosses" in refusal
         assert fence_refusal([outside], place(0, 0), place(30, 50)) is None
@@ -50,13 +53,15 @@ def test_a_straight_way_through_an_exclusion_is_refused_and_one_around_it_is_not
 
 
 def test_a_way_across_the_bay_of_an_inclusion_is_refused() -> None:
-    horseshoe = polygon("inclusion", (0, 0), (100, 0), (100, 30), (30, 30), (30, 70), (100, 70), (100, 100), (0, 100))
+    horseshoe = polygon(
+        FenceKind.INCLUSION, (0, 0), (100, 0), (100, 30), (30, 30), (30, 70), (100, 70), (100, 100), (0, 100)
+    )
     assert "straight way" in (fence_refusal([horseshoe], place(90, 15), place(90, 85)) or "")
     assert fence_refusal([horseshoe], place(15, 15), place(15, 85)) is None
 
 
 def test_a_vehicle_on_the_wrong_side_may_stay_or_come_back() -> None:
-    inside, outside = polygon("inclusion", *SQUARE), circle("exclusion", 0, 0, 20)
+    inside, outside = polygon(FenceKind.INCLUSION, *SQUARE), circle(FenceKind.EXCLUSION, 0, 0, 20)
     assert fence_refusal([inside], place(70, 0), place(70, 0)) is None
     assert fence_refusal([inside], place(70, 0), place(60, 0)) is None
     assert fence_refusal([inside], place(70, 0), place(30, 0)) is None
@@ -67,20 +72,20 @@ def test_a_vehicle_on_the_wrong_side_may_stay_or_come_back() -> None:
 
 
 def test_every_inclusion_counts_or_one_of_them_as_the_autopilot_has_it() -> None:
-    areas = [polygon("inclusion", (0, 0), (0, 60), (40, 60), (40, 0)), circle("inclusion", 20, 80, 40)]
+    areas = [polygon(FenceKind.INCLUSION, (0, 0), (0, 60), (40, 60), (40, 0)), circle(FenceKind.INCLUSION, 20, 80, 40)]
     start, end = place(20, 10), place(20, 110)
     assert fence_refusal(areas, start, end) is not None
     assert fence_refusal(areas, start, end, union=True) is None
     assert fence_refusal(areas, place(20, 50), place(20, 55)) is None
     assert "any of" in (fence_refusal(areas, start, place(20, 130), union=True) or "")
-    apart = [areas[0], circle("inclusion", 20, 110, 40)]
+    apart = [areas[0], circle(FenceKind.INCLUSION, 20, 110, 40)]
     assert "leaves" in (fence_refusal(apart, start, place(20, 120), union=True) or "")
-    walled = [*areas, circle("exclusion", 20, 60, 3)]
+    walled = [*areas, circle(FenceKind.EXCLUSION, 20, 60, 3)]
     assert "crosses" in (fence_refusal(walled, start, end, union=True) or "")
 
 
 def test_fences_at_the_date_line_are_measured_across_it() -> None:
-    area = FenceArea("exclusion", centre=(0.0, 180.0), radius_m=30.0)
+    area = FenceArea(FenceKind.EXCLUSION, centre=(0.0, 180.0), radius_m=30.0)
     assert fence_refusal([area], (0.0, 179.999), (0.0, -179.999)) is not None
     assert fence_refusal([area], (0.001, 179.999), (0.001, -179.999)) is None
 
@@ -96,14 +101,14 @@ def stars(draw: st.DrawFn) -> list[tuple[float, float]]:
 POINTS = st.tuples(st.floats(-200.0, 200.0), st.floats(-200.0, 200.0))
 
 
-@given(stars(), POINTS, POINTS, st.sampled_from(["inclusion", "exclusion"]))
+@given(stars(), POINTS, POINTS, st.sampled_from([FenceKind.INCLUSION, FenceKind.EXCLUSION]))
 def test_what_is_refused_is_what_comes_nearer_than_the_margin(
-    corners: list[tuple[float, float]], start: tuple[float, float], end: tuple[float, float], kind: str
+    corners: list[tuple[float, float]], start: tuple[float, float], end: tuple[float, float], kind: FenceKind
 ) -> None:
     shape = Polygon(corners)
     assume(shape.is_valid)
     area, way = polygon(kind, *corners), LineString([start, end])
-    keeps = 1.0 if kind == "inclusion" else -1.0
+    keeps = 1.0 if kind == FenceKind.INCLUSION else -1.0
 
     def right_m(point: tuple[float, float]) -> float:
         return keeps * (1.0 if shape.contains(Point(point)) else -1.0) * shape.exterior.distance(Point(point))

@@ -5,7 +5,7 @@ from typing import Any
 import pytest
 from pymavlink.dialects.v20 import ardupilotmega as mavlink
 
-from navigation.fences import FenceArea
+from navigation.fences import FenceArea, FenceKind
 from proxies.mavlink.fence_list import MOST_CORNERS, FenceItem, FenceList, read_areas
 from proxies.mavlink.ways import OURSELVES, Target
 
@@ -38,7 +38,7 @@ def test_polygons_and_circles_are_read_in_their_order() -> None:
     areas, problems = read_areas(items)
     assert problems == []
     assert [(area.kind, len(area.corners), area.radius_m) for area in areas] == [
-        ("inclusion", 4, 0.0), ("inclusion", 3, 0.0), ("exclusion", 0, 30.0), ("exclusion", 5, 0.0), ("inclusion", 0, 500.0),
+        (FenceKind.INCLUSION, 4, 0.0), (FenceKind.INCLUSION, 3, 0.0), (FenceKind.EXCLUSION, 0, 30.0), (FenceKind.EXCLUSION, 5, 0.0), (FenceKind.INCLUSION, 0, 500.0),
     ]  # fmt: skip
     assert areas[2].centre == (55.0, 13.0)
 
@@ -62,7 +62,7 @@ def test_polygons_and_circles_are_read_in_their_order() -> None:
 )
 def test_an_area_that_is_none_is_reported_and_the_others_are_kept(wrong: list[FenceItem], words: str) -> None:
     areas, problems = read_areas([circle(CIRCLE_OUT, 30.0), *wrong, *ring(OUT, 4)])
-    assert [area.kind for area in areas] == ["exclusion", "exclusion"]
+    assert [area.kind for area in areas] == [FenceKind.EXCLUSION, FenceKind.EXCLUSION]
     assert len(problems) == 1
     assert problems[0].startswith("fence item 2 of ")
     assert words in problems[0]
@@ -187,7 +187,7 @@ def test_a_fence_that_another_station_uploads_is_read_at_once() -> None:
     served.items = [circle(CIRCLE_OUT, 30.0)]
     served.reader.on_message(mavlink.MAVLink_mission_ack_message(255, 190, mavlink.MAV_MISSION_ACCEPTED, FENCE))
     served.run(1)
-    assert served.reader.areas == (FenceArea("exclusion", centre=(55.0, 13.0), radius_m=30.0),)
+    assert served.reader.areas == (FenceArea(FenceKind.EXCLUSION, centre=(55.0, 13.0), radius_m=30.0),)
 
 
 def test_a_fence_that_is_taken_away_is_gone() -> None:

@@ -58,7 +58,7 @@ class JournalledWorld(World):
 
 
 def record(path: Path, config: str, specification: Specify) -> None:
-    """Two fly towards each other and are monitored; platform 0 gives way to 1, which may not be commanded, flies on, and leaves."""
+    """Two fly towards each other and are monitored; platform 0 gives way to 1, which gives way to none, flies on, and leaves."""
     legs = [
         (Vector(-48.0, 0.0, -40.0), Vector(48.0, 0.0, -40.0)),
         (Vector(48.0, 0.0, -40.0), Vector(-48.0, 0.0, -40.0)),
@@ -73,7 +73,11 @@ def record(path: Path, config: str, specification: Specify) -> None:
         start = plan.waypoints[0]
         home = HomePlace(start.latitude_deg, start.longitude_deg, ORIGIN.altitude_m)
         vehicle = SimulatedVehicle(VehicleConfig(number + 1, home, airborne_m=40.0, seed=1), world.now_us)
-        world.add(str(number), PlatformConfig(str(number), 0, control=number == 0, simulated=True, plan=plan), vehicle)
+        world.add(
+            str(number),
+            PlatformConfig(str(number), 0, control=True, avoidance=number == 0, simulated=True, plan=plan),
+            vehicle,
+        )
     world.add_command_centre()
     world.run_for(0.5)
     node = world.nodes["0"]

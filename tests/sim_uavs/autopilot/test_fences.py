@@ -7,7 +7,7 @@ from pymavlink.dialects.v20 import all as mavlink
 
 from agents.flight.places import fences_of
 from dyknow.model.errors import Refused
-from navigation.fences import FenceArea
+from navigation.fences import FenceArea, FenceKind
 from navigation.vehicle import FenceReport, Report
 from proxies.mavlink.feed import MavlinkFeed
 from runtime.clock import NodeClock
@@ -21,9 +21,9 @@ from tests.sim_uavs.station import Station
 
 BOTH = pytest.mark.parametrize("persona", ["ardupilot", "px4"])
 FENCE = mavlink.MAV_MISSION_TYPE_FENCE
-WALL = FenceArea("exclusion", centre=(HOME.latitude_deg + 100 * NORTH_DEG, HOME.longitude_deg), radius_m=20.0)
+WALL = FenceArea(FenceKind.EXCLUSION, centre=(HOME.latitude_deg + 100 * NORTH_DEG, HOME.longitude_deg), radius_m=20.0)
 SQUARE = tuple((HOME.latitude_deg + n * NORTH_DEG, HOME.longitude_deg + e * NORTH_DEG) for n, e in ((-50, -250), (250, -250), (250, 250), (-50, 250)))  # fmt: skip
-YARD = FenceArea("inclusion", SQUARE)
+YARD = FenceArea(FenceKind.INCLUSION, SQUARE)
 
 
 def fenced(persona: PersonaName, *areas: FenceArea) -> Piloted:
@@ -46,9 +46,11 @@ def upload(flown: Piloted, areas: tuple[FenceArea, ...]) -> None:
 def items(*areas: FenceArea) -> list:
     found = []
     for area in areas:
-        command = {("inclusion", True): 5001, ("exclusion", True): 5002, ("inclusion", False): 5003}.get(
-            (area.kind, bool(area.corners)), 5004
-        )
+        command = {
+            (FenceKind.INCLUSION, True): 5001,
+            (FenceKind.EXCLUSION, True): 5002,
+            (FenceKind.INCLUSION, False): 5003,
+        }.get((area.kind, bool(area.corners)), 5004)
         for latitude_deg, longitude_deg in area.corners or (area.centre,):
             found.append(
                 mavlink.MAVLink_mission_item_int_message(
@@ -111,7 +113,7 @@ def test_the_platform_reads_it_over_the_wire_and_offers_it(persona: PersonaName)
     flown.run(2.0)
     fence = flown.pilot.bounds.fence
     assert fence is not None
-    assert [area.kind for area in fence.areas] == ["inclusion", "exclusion"]
+    assert [area.kind for area in fence.areas] == [FenceKind.INCLUSION, FenceKind.EXCLUSION]
     assert fence.areas[1].radius_m == 20.0
     assert fence.is_union is (persona == "px4")
     offered = fences_of(flown.pilot.bounds, flown.pilot.limits, {})
@@ -160,7 +162,9 @@ def test_a_vehicle_that_flies_into_an_exclusion_does_what_its_parameter_says(
 
 
 def test_several_inclusions_are_all_kept_by_one_and_any_by_the_other() -> None:
-    other = FenceArea("inclusion", centre=(HOME.latitude_deg + 240 * NORTH_DEG, HOME.longitude_deg), radius_m=60.0)
+    other = FenceArea(
+        FenceKind.INCLUSION, centre=(HOME.latitude_deg + 240 * NORTH_DEG, HOME.longitude_deg), radius_m=60.0
+    )
     for persona, options, is_taken in (("ardupilot", 0.0, False), ("ardupilot", 2.0, True), ("px4", 0.0, True)):
         flown = fenced(persona)
         flown.settings.fence_options = options
@@ -190,5 +194,5 @@ def test_a_feed_reads_it_from_a_vehicle_on_a_socket(persona: PersonaName) -> Non
                 pass
     finally:
         feed.stop()
-    assert [area.kind for area in report.areas] == ["inclusion", "exclusion"]
+    assert [area.kind for area in report.areas] == [FenceKind.INCLUSION, FenceKind.EXCLUSION]
     assert report.areas[1].radius_m == 20.0
