@@ -77,7 +77,7 @@ def test_channels_and_schemas_are_those_of_a_recording(served: tuple[Box, Client
     _, client, server = served
     with RecordingFile(tmp_path / "a.mcap", {}, client.now_us) as file:
         run(client, Recorder(client, file), 3.0)
-    run(client, Recorder(client, server), 3.0)
+    run(client, Recorder(client, server), 8.0)  # long enough for an act
     with file.path.open("rb") as stream:
         summary = make_reader(stream).get_summary()
         assert summary is not None
