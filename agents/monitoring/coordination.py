@@ -357,7 +357,6 @@ class Coordination(Part):
 
     # -- alarms ------------------------------------------------------------------------------------------------
 
-    @property
     def keeps_apart(self) -> bool:
         """Whether some task here wants vehicles to give way."""
         return any(led.keeps_apart for led in self._life.coordinated.values())
@@ -408,9 +407,9 @@ class Coordination(Part):
                 self._pass_on(led, contents.Progress(step=step[:200], unit=self._unit), now_us)
 
     def _pass_on(self, led: CoordinatedTask, content: contents.Content, now_us: int) -> None:
-        receiver = led.delegator if led.leader == self._unit else led.leader
-        if self._reachable(receiver):
-            self._agent.tell(receiver, content, now_us, conversation=led.task)
+        to = led.delegator if led.leader == self._unit else led.leader
+        if self._reachable(to):
+            self._agent.tell(to, content, now_us, conversation=led.task)
 
 
 def _watches(led: CoordinatedTask, monitor: str) -> bool:

@@ -112,7 +112,7 @@ class Neighbourhood(Part):
     @property
     def is_watched(self) -> bool:
         """Whether a task wants vehicles to keep apart."""
-        return self._coordination.keeps_apart
+        return self._coordination.keeps_apart()
 
     def _on_import(self, unit: str, label: str, sample: Sample) -> None:
         if label == INTENT and sample.value is not NO_VALUE:

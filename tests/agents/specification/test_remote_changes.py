@@ -250,7 +250,7 @@ def test_a_declared_monitor_is_a_named_one_that_a_task_sets_up_everywhere_and_it
         named = platform.ports.monitors.named["near"]
         assert named.owners == {OWNER, task.conversation}
         assert named.plan.profile.starts_avoidance
-        assert platform.part(Coordination).keeps_apart
+        assert platform.part(Coordination).keeps_apart()
     reason = pair.refused(RemoveDeclarations(names=("near",)), "1")
     assert reason.code == "in-use"
     pair.world.speak("cc", lambda member, now_us: member.acts.cancel("0", task.conversation, now_us))

@@ -73,7 +73,7 @@ def claimed(
 def coordination(wire: Box, unit: str, task: Question) -> tuple[str, int, bool]:
     platform: Platform = wire.platform(unit)
     led = platform.ports.tasks.coordinated[task.conversation]
-    return led.leader, led.generation, platform.part(Coordination).keeps_apart
+    return led.leader, led.generation, platform.part(Coordination).keeps_apart()
 
 
 def watched(wire: Box, unit: str) -> set[tuple[str, str, str]]:

@@ -32,9 +32,9 @@ def test_the_fence_that_it_reports_is_the_one_outside_of_which_it_flies_to_no_pl
     settings = VehicleSettings(fence_on=1.0, fence_kinds=float(FENCE_HIGHEST | FENCE_RADIUS), fence_highest_m=60.0)
     vehicle = flown(settings)
     (fence,) = reports(vehicle, FenceReport, 1.0)
-    assert fence[1:] == (None, 60.0, 300.0)
+    assert fence[1:4] == (None, 60.0, 300.0)
     assert vehicle.flight.go_to(Vector(0.0, 0.0, -61.0)).value == "outside the fence"
-    assert reports(flown(), FenceReport, 1.0)[0][1:] == (None, None, None)
+    assert reports(flown(), FenceReport, 1.0)[0][1:4] == (None, None, None)
 
 
 def test_the_item_of_its_mission_that_it_flies_is_reported_while_it_has_one() -> None:
