@@ -192,8 +192,7 @@ def target_row(act: Act) -> Row | None:
         return None
     if head == "goto":
         return {"kind": "goto", "at": [said[name] for name in _PLACES]}
-    manoeuvre = fields(said, ("climber", "because"))
-    return {"kind": "avoid", "units": texts(said["units"]), "climb_m": number(said["climb_m"]), **manoeuvre}
+    return {"kind": "avoid", "units": texts(said["units"]), "by": act.sender.unit, **fields(said, ("because",))}
 
 
 def ends_target(act: Act) -> bool:

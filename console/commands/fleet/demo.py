@@ -134,16 +134,23 @@ class Demo:
     # The steps that wait
 
     def encounter(self) -> Outcome:
-        """Both of the pair warn of each other."""
-        self._until(lambda: self._warned() >= set(PAIR), MEET_S, "0 and 1 fly towards each other")
-        if not self._warned() >= set(PAIR):
+        """Both of the pair warn of each other, or have agreed before that which one makes room."""
+        self._until(self._has_begun, MEET_S, "0 and 1 fly towards each other")
+        if not self._has_begun():
             raise FederationFailed(f"no warning by {', '.join(sorted(set(PAIR) - self._warned()))} in {MEET_S:.0f} s")
-        first = min((alarm for alarm in self.alarms if alarm.event == "opened"), key=lambda alarm: alarm.detected_us)
+        opened = [alarm for alarm in self.alarms if alarm.event == "opened"]
+        if not opened:
+            return f"0 and 1 agree, {self.separation.latest_m or 0:.0f} m apart, before there is a warning", {}
+        first = min(opened, key=lambda alarm: alarm.detected_us)
         delay_ms = (first.detected_us - first.valid_us) // 1000
         said = (
             f"0 and 1 warn of each other, {self.separation.latest_m or 0:.0f} m apart, {delay_ms} ms after the sample"
         )
         return said, {"alarm_delay_ms": delay_ms}
+
+    def _has_begun(self) -> bool:
+        steps = [] if self.task is None else [s.step for s in self.task.results if isinstance(s, contents.Progress)]
+        return self._warned() >= set(PAIR) or any(" agrees with " in step for step in steps)
 
     def _warned(self) -> set[str]:
         return {a.by for a in self.alarms if a.event == "opened" and a.monitor == "proximity-warn"}
@@ -161,14 +168,14 @@ class Demo:
             raise FederationFailed(f"0 and 1 have not passed each other in {PART_S:.0f} s")
         if smallest_m <= SAFE_M or any(alarm.monitor == "proximity" for alarm in self.alarms):
             raise FederationFailed(f"0 and 1 came as close as {smallest_m:.1f} m")
-        climber = self._agreed(client)
-        if climber is None:
-            raise FederationFailed("0 and 1 have not agreed which of them climbs")
+        yielding = self._agreed(client)
+        if yielding is None:
+            raise FederationFailed("0 and 1 have not agreed which of them makes room")
         self._until(lambda: self._flies_on(client), PART_S, "0 and 1 fly on")
         if not self._flies_on(client):
             raise FederationFailed("0 and 1 have not resumed their routes")
-        said = f"they agreed that {climber} climbs, stayed {smallest_m:.1f} m apart or more, and fly on"
-        return said, {"climber": climber, "smallest_separation_m": round(smallest_m, 2)}
+        said = f"they agreed that {yielding} makes room, stayed {smallest_m:.1f} m apart or more, and fly on"
+        return said, {"yielding": yielding, "smallest_separation_m": round(smallest_m, 2)}
 
     def _passed(self) -> bool:
         apart = self.separation
@@ -189,7 +196,7 @@ class Demo:
         return len(speeds) == len(PAIR) and min(speeds) > MOVING_M_S
 
     def _agreed(self, client: Client) -> str | None:
-        """The platform that climbs, by a proposal that was agreed to."""
+        """The platform that makes room, by a proposal that was agreed to."""
         proposed: dict[str, str] = {}
         agreed: set[str] = set()
         for dialogue in client.ask(list(PAIR), contents.ActList(), P.QUERY_REF, _ANSWER_S):
@@ -197,10 +204,10 @@ class Demo:
             for log in logs:
                 act = _act_of(log)
                 if act is not None and act.content is not None and act.content.head == "avoid":
-                    proposed[act.conversation_id or ""] = str(act.content.arguments["climber"])
+                    proposed[act.conversation_id or ""] = act.sender.unit
                 elif act is not None and act.performative is P.AGREE:
                     agreed.add(act.conversation_id or "")
-        return next((climber for conversation, climber in proposed.items() if conversation in agreed), None)
+        return next((yielding for conversation, yielding in proposed.items() if conversation in agreed), None)
 
     def _until(self, condition: Callable[[], bool], timeout_s: float, what: str) -> None:
         until = time.monotonic() + timeout_s

@@ -284,7 +284,7 @@ export class MapView {
         this.note(row.at, `${row.unit} to ${figure(row.at[2], " m", 0)}`, this.paint.good, 12);
       } else if (row.kind === "avoid" && from && from.at && state.t - row.at_us < 15e6 && flights[row.unit]?.commander !== "avoidance") {
         const [x, y] = this.toScreen(from.at);
-        this.text(x + 15, y + 26, row.climber === row.unit ? `climbs ${figure(row.climb_m, " m", 0)}` : row.because ? "leaves it to the other" : "makes room", this.paint.good, "600 12px system-ui");
+        this.text(x + 15, y + 26, row.by !== row.unit ? "agrees" : row.because ? "leaves it to the other" : "makes room", this.paint.good, "600 12px system-ui");
       }
     }
   }
