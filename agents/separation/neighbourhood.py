@@ -14,11 +14,13 @@ from agents.exchange.partners import Partners
 from agents.exchange.subscription_keeper import SubscriptionKeeper
 from agents.flight.peer_fixes import fix_of
 from agents.flight.pilot import Pilot
+from agents.flight.places import Fix
 from agents.monitoring.coordination import Coordination
 from agents.part import Part, PeerChange
 from agents.separation.neighbours import Neighbour, Neighbours
 from agents.separation.own_intent import OwnIntent
 from agents.separation.records import INTENT, intent_of, intent_value
+from agents.traffic.traffic import Traffic
 from dyknow import NO_VALUE, Network, Sample
 from federation.members.clock import FederationClock
 from federation.members.directory import DirectoryFacilitator
@@ -35,6 +37,8 @@ TELLS_US: Final = 3_000_000
 LEFT_US: Final = 60_000_000
 """How long one stays traffic whose platform has left in flight."""
 _OWN_US: Final = 2_000_000
+AIRCRAFT_M, AIRCRAFT_UP_M, UNKNOWN_HEIGHT_M = 15.0, 10.0, 20.0
+"""What an aircraft that is no member gets besides what its place and height are known to."""
 
 
 class Neighbourhood(Part):
@@ -60,6 +64,7 @@ class Neighbourhood(Part):
         gateway: Gateway,
         coordination: Coordination,
         pilot: Pilot,
+        traffic: Traffic,
         on_alarm: Callable[[AlarmEvent], None],
         note: Callable[[str], None],
         has_vehicle: bool,
@@ -69,6 +74,7 @@ class Neighbourhood(Part):
         self._unit, self._network, self._clock, self._translation = unit, network, clock, translation
         self._directory, self._agreements, self._gateway = directory, agreements, gateway
         self._coordination, self._pilot, self._raise, self._note = coordination, pilot, on_alarm, note
+        self._traffic, self._aircraft = traffic, set[str]()
         self._has_vehicle = has_vehicle
         self.others = Neighbours()
         self.own = OwnIntent(pilot, may_avoid=may_avoid)
@@ -159,6 +165,7 @@ class Neighbourhood(Part):
                 fix = fix_of(self._gateway, unit)
                 if fix is not None:
                     self.others.see(unit, fix, federation_us)
+            self._see_aircraft(federation_us)
         for unit, until_us in list(self._left_us.items()):
             known = self.others.by_unit.get(unit)
             if known is None or not known.is_silent(federation_us):
@@ -169,6 +176,22 @@ class Neighbourhood(Part):
                 self.others.forget(unit)
         self.others.expire(federation_us)
         self._tell_silent(federation_us)
+
+    def _see_aircraft(self, federation_us: int) -> None:
+        """Aircraft that are no members, as the platform has them: none of them yields. One of unknown height is at ours."""
+        own = self._pilot.fix
+        seen = set[str]()
+        for one in self._traffic.aircraft(federation_us) if own is not None else ():
+            known = one.altitude_m is not None
+            altitude_m = one.altitude_m if one.altitude_m is not None else own.altitude_m if own is not None else 0.0
+            velocity = (one.north_m_s or 0.0, one.east_m_s or 0.0, one.down_m_s or 0.0)
+            fix = Fix(one.valid_us, one.latitude_deg, one.longitude_deg, altitude_m, *velocity)
+            half_m = one.altitude_error_m if known else UNKNOWN_HEIGHT_M
+            seen.add(one.identity)
+            self.others.see(one.identity, fix, federation_us, AIRCRAFT_M + one.radius_m, AIRCRAFT_UP_M + half_m)
+        for identity in self._aircraft - seen:
+            self.others.forget(identity)
+        self._aircraft = seen
 
     def _offers(self, unit: str) -> bool:
         entry = self._directory.entry(unit)
@@ -181,7 +204,7 @@ class Neighbourhood(Part):
         silent = {}
         if self.is_watched:
             for each in self.others.airborne():
-                if federation_us - each.heard_us > TELLS_US:
+                if each.unit not in self._aircraft and federation_us - each.heard_us > TELLS_US:
                     silent[each.unit] = each
         for unit in [unit for unit in self._silent if unit not in silent]:
             event = self._silent.pop(unit)

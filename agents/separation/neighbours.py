@@ -126,14 +126,15 @@ class Neighbours:
             known.candidate = known.leapt_us = None
         return None
 
-    def see(self, unit: str, fix: Fix, now_us: int) -> None:
-        """Where a member is that has published no intent: it is taken by its motion."""
+    def see(self, unit: str, fix: Fix, now_us: int, radius_m: float = 1.0, half_height_m: float = 0.5) -> None:
+        """Where a member is that has published no intent, or an aircraft that is no member: it is taken by its motion."""
         known = self.by_unit.get(unit)
         if known is not None and known.said:
             return
         intent = Intent(
             fix.valid_us, fix.latitude_deg, fix.longitude_deg, fix.altitude_m, fix.north_m_s, fix.east_m_s,
             fix.down_m_s, IntentSource.STRAIGHT, RightOfWay.CANNOT, (), IntentEnding.OPEN,
+            radius_m=min(MOST_OWN_M, radius_m), half_height_m=min(MOST_OWN_M, half_height_m),
         )  # fmt: skip
         if known is None:
             self._put(Neighbour(unit, intent, now_us, said=False))

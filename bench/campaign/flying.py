@@ -63,7 +63,7 @@ class CampaignFlight:
     Attributes:
         begin_us: when the vehicles set out (world).
         offsets: where the home of each vehicle is, metres north and east of the origin.
-        task: the monitoring, as its delegator follows it.
+        task: the monitoring, as its delegator follows it; asked: the last order of a user to each vehicle.
     """
 
     def __init__(self, drawn: Situation, *, is_alone: bool = False) -> None:
@@ -75,6 +75,7 @@ class CampaignFlight:
         self.vehicles: list[SimulatedVehicle] = []
         self.offsets: list[Vector] = []
         self.task: Dialogue | None = None
+        self.asked: dict[int, Dialogue] = {}
         for number, vehicle in enumerate(drawn.vehicles):
             self._add(number, vehicle)
         self.world.add_command_centre(CENTRE)
@@ -139,7 +140,7 @@ class CampaignFlight:
                 flight.set_mode(Mode.AUTO)
             case ways.RTL | ways.RTL_LEAVE | ways.LAND | ways.LAND_LEAVE if way.by_user:
                 is_return = way.kind in {ways.RTL, ways.RTL_LEAVE}
-                self.world.ask(CENTRE, str(number), ReturnHome() if is_return else Land())
+                self.asked[number] = self.world.ask(CENTRE, str(number), ReturnHome() if is_return else Land())
             case ways.RTL | ways.RTL_LEAVE:
                 flight.set_mode(Mode.RTL)
             case ways.LAND | ways.LAND_LEAVE:
@@ -148,7 +149,7 @@ class CampaignFlight:
     def _send_to(self, number: int, place: Vector) -> None:
         latitude_deg, longitude_deg, altitude_m = FRAME.from_ned(*place)
         goto = Goto(latitude_deg=latitude_deg, longitude_deg=longitude_deg, altitude_m=altitude_m)
-        self.world.ask(CENTRE, str(number), goto)
+        self.asked[number] = self.world.ask(CENTRE, str(number), goto)
 
     def _delegate(self) -> None:
         """As a user does: to the first platform that runs."""

@@ -208,7 +208,9 @@ class Watch:
             self._violate(number, "a manoeuvre without an open reason")
             unit.reasonless_since_us = 0
         if self._steps % LISTEN_STEPS == 0:
-            unit.explained = why_not(platform, node.notes) or self._explaining_alarm(number)
+            asked = self.flight.asked.get(number)
+            refused = "" if asked is None else asked.trouble
+            unit.explained = refused or why_not(platform, node.notes) or self._explaining_alarm(number)
 
     def _violate(self, number: int, what: str) -> None:
         self.violations.append(f"{number} at {self.flight.seconds():.1f} s: {what}")
