@@ -95,6 +95,7 @@ class LedMission:
     ) -> None:
         self.order, self.texts, self.units, self.sensors = order, texts, units, sensors
         self._ports, self._begun_us = ports, begun_us
+        self._ended: tuple[str, int] | None = None
         self._sights, self._locating = sights, Locating(sights, units)
         self._effects = EffectLooks(sights, units)
         recoveries = (*texts.domain.recoveries, *texts.problem.recoveries)
@@ -211,6 +212,7 @@ class LedMission:
     def end(self, reason: str, now_us: int) -> None:
         """End it: vehicles that fly for it hold."""
         if self.mission is None:
+            self._ended = reason, now_us
             self._ports.ended(self, events.MissionEnded("aborted", reason, ()), now_us)
         else:
             self.take(events.MissionAborted(reason), now_us)
@@ -279,6 +281,11 @@ class LedMission:
     def entry(self) -> MissionEntry:
         """Its state, for a list."""
         order, mission = self.order, self.mission
+        if mission is None and self._ended is not None:
+            why, since_us = self._ended
+            return MissionEntry(
+                mission=order.name, conversation=order.conversation, phase="ended", since_us=since_us, why=why[:1000], chain=order.chain,
+            )  # fmt: skip
         if mission is None:
             joining = [name for name, unit in self.units.items() if not (unit.is_ready or unit.lost)]
             return MissionEntry(

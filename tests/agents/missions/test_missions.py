@@ -103,6 +103,14 @@ def test_cancelled_or_aborted_its_vehicles_hold_and_are_free() -> None:
     assert flown.world.platform("0").ports.pilot.mission.name == ""
 
 
+def test_one_that_is_ended_before_its_vehicles_have_joined_is_listed_as_ended() -> None:
+    flown = Flown(2, airborne=True)
+    mission = flown.begin(TWO)
+    flown.ask(TaskOver(task="m1"))
+    assert told(mission)[-1].startswith("failure: aborted: a command centre ended it")
+    assert (flown.entry().phase, flown.entry().why) == ("ended", "a command centre ended it")
+
+
 def test_a_place_out_of_range_fails_with_the_rule_is_asked_about_and_given_up_as_answered() -> None:
     flown = Flown(airborne=True)
     mission = flown.begin(ONE.replace("x-of(pond) := 40", "x-of(pond) := 4000"), domain_of(times=1))
