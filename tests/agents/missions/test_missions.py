@@ -105,7 +105,9 @@ def test_cancelled_or_aborted_its_vehicles_hold_and_are_free() -> None:
 
 def test_one_that_is_ended_before_its_vehicles_have_joined_is_listed_as_ended() -> None:
     flown = Flown(2, airborne=True)
+    flown.world.kill("1")
     mission = flown.begin(TWO)
+    assert flown.entry().phase == "joining"
     flown.ask(TaskOver(task="m1"))
     assert told(mission)[-1].startswith("failure: aborted: a command centre ended it")
     assert (flown.entry().phase, flown.entry().why) == ("ended", "a command centre ended it")
