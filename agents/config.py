@@ -41,6 +41,7 @@ class PlatformConfig:
         admission: what becomes of declarations that there is no time for.
         extensions: classes of parts that it has besides its own; see `agents.extensions`.
         contained: whether what a part raises ends that act or step only; a simulated world may want it raised.
+        encounters: whether it keeps a record of each encounter.
         govern_us: while delays are longer than this the least important streams suffer; None: no governor.
     """
 
@@ -71,6 +72,7 @@ class PlatformConfig:
     extensions: tuple[type[Part], ...] = ()
     contained: bool = True
     govern_us: int | None = None
+    encounters: bool = False
     admission: Literal["refuse", "longer"] = "refuse"
     acts_per_s: float = ACTS_PER_S
     acts_burst: float = ACTS_BURST

@@ -191,6 +191,24 @@ class Tell(NamedTuple):
     record: Mapping[str, Any]
 
 
+class EncounterMessage(NamedTuple):
+    """One message of a record, as a recording has it (`runtime.recordings.recording_file`); federation time."""
+
+    topic: str
+    schema: str
+    message: Mapping[str, Any]
+    at_us: int
+    valid_us: int
+
+
+class KeepEncounter(NamedTuple):
+    """Keep the record of an encounter with a unit that began at `since_us` (federation time)."""
+
+    other: str
+    since_us: int
+    messages: tuple[EncounterMessage, ...]
+
+
 class Keep(NamedTuple):
     """Keep what a stream has learnt, so that it is known after a restart."""
 
@@ -227,4 +245,6 @@ class Halt(NamedTuple):
 
 
 SearchEffect: TypeAlias = RunSearch | EndSearch
-Effect: TypeAlias = WireEffect | Command | Compute | SearchEffect | InjectFault | Note | Tell | Keep | Halt | HostEffect
+Effect: TypeAlias = (
+    WireEffect | Command | Compute | SearchEffect | InjectFault | Note | Tell | Keep | KeepEncounter | Halt | HostEffect
+)

@@ -62,6 +62,7 @@ from agents.monitoring.recognitions import Recognitions
 from agents.monitoring.unit_monitoring import UnitMonitoring
 from agents.part import Part, PeerChange
 from agents.saliency.saliency import Saliency
+from agents.separation.encounter_log import EncounterLog
 from agents.separation.giving_way import GivingWay
 from agents.separation.neighbourhood import Neighbourhood
 from agents.shedding import Shedding
@@ -97,7 +98,7 @@ T = TypeVar("T", bound=Part)
 PARTS: tuple[type[Part], ...] = (
     Authority, CommandWatch, Cameras, WinchStream, CameraAttention, Traffic, FlightAgent, Performing, MissionLeading, MissionProposals, MissionRelay, MissionSuccession, Following, RecoveringAnchors, Faults, Shedding, LocalInstance, FederationAgent, PeerMotion, ImportProxy, LabelAgreements, SubscriptionKeeper, SilentImports, Bids, Calls, AreaAssignment, AreaDivision, Scanning,
     Admission, PlatformTrust, UnitMonitoring,
-    AlarmLog, Coordination, TaskLife, Neighbourhood, GivingWay, MonitorQueries, Checks, Recognitions, StreamQueries, SpecificationPart,
+    AlarmLog, Coordination, TaskLife, Neighbourhood, EncounterLog, GivingWay, MonitorQueries, Checks, Recognitions, StreamQueries, SpecificationPart,
     SpecificationChanges, ObjectQueries, Learning, Wanting, Cooperation, Handover, Saliency, MessageLog, DirectoryAgent,
 )  # fmt: skip
 """The classes of all parts there are, in their order; which of them a platform has, `Ports.kinds` decides."""
@@ -297,6 +298,10 @@ class Ports:
 
         config = self.config
         return Pilot(config.control, config.plan, config.limits, config.missions, clock, self.note)
+
+    @property
+    def keeps_encounters(self) -> bool:
+        return self.config.encounters
 
     @property
     def has_vehicle(self) -> bool:

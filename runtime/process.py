@@ -22,6 +22,7 @@ from agents.effects import (
     Impaired,
     InjectFault,
     Keep,
+    KeepEncounter,
     LeaveRequested,
     Note,
     Pressed,
@@ -54,6 +55,7 @@ from runtime.learnt.files import keep
 from runtime.loop import Pressure, SteppedNode, leave_alone_what_is_loaded, step
 from runtime.mailbox import Mailbox
 from runtime.metrics import PlatformMetrics, metrics_of
+from runtime.recordings.encounter_files import keep_encounter
 from runtime.records import NoteLimit
 from runtime.searches.workers import SearchWorkers
 from runtime.specified import Specified
@@ -322,6 +324,8 @@ class PlatformProcess:
                 self._door.perform(effect)
         elif kind is Keep:
             keep(self.config.learnt, self.config.unit, effect, self._note)
+        elif kind is KeepEncounter:
+            keep_encounter(self.config.encounters, self.config.unit, effect, self._note)
         elif kind is Tell:
             self._say({**effect.record, "unit": self.config.unit})
         elif kind is Halt:

@@ -4,7 +4,7 @@ from collections import Counter
 from collections.abc import Callable, Container, Iterable, Sequence
 from dataclasses import dataclass
 from functools import partial
-from typing import TypeAlias
+from typing import Final, TypeAlias
 
 from agents.admission.trusted import PlatformTrust
 from agents.exchange.peer_motion import JUDGED, PeerMotion
@@ -34,6 +34,10 @@ AHEAD_US = 60_000_000
 """How far in the future a sample may be valid: a prediction is legal, a sample that ends its stream is not."""
 
 
+AS_THEY_COME: Final = frozenset({"intent"})
+"""Labels whose samples say what is so now: those of a member whose clock is wrong are valid when they come."""
+
+
 @dataclass(slots=True)
 class ImportedStream:
     """What becomes of the samples of one stream of one owner; `standing` is that of `offset`."""
@@ -51,7 +55,7 @@ class ImportProxy(Part):
     """Pushes the samples of imported streams into the local instance.
 
     What a peer sends whose clock is skewed, or not compared yet, is refused and counted: one valid time far ahead would
-    end an ordered stream. Valid times of a peer whose clock is off by 50 ms to 1 s are shifted, and approximated linearly onto the grid of
+    end an ordered stream; an intent is valid when it comes. Valid times of a peer whose clock is off by 50 ms to 1 s are shifted, and approximated linearly onto the grid of
     the stream, since shifted samples lie on none (semantics of offsets between platforms). Times: node clock, but
     for valid times.
 
@@ -184,6 +188,10 @@ class ImportProxy(Part):
             found.offset = offset
             standing = found.standing = _SKEWED if offset is None else offset.standing
         if offset is None or standing is _SKEWED:
+            if found.label in AS_THEY_COME and entries:
+                now_us = self._clock.federation_us(at_us)
+                (found.sink or self._sink(found))(now_us, entries[-1].value, now_us, entries[-1].quality)
+                return
             self.refused["clock"] += len(entries)
             return
         now_us = self._clock.federation_us(at_us)
@@ -202,7 +210,7 @@ class ImportProxy(Part):
     def _shifted(self, found: ImportedStream, offset: Offset, take: Sink) -> Sink:
         """Valid times as our clock has them, approximated on the grid of the stream."""
         shift_us = round(offset.offset_us * self._clock.speed)
-        if found.policy.sample_us is None or self.is_of_objects(found.label):
+        if found.policy.sample_us is None or self.is_of_objects(found.label) or not self._is_linear(found.label):
             return lambda valid_us, value, now_us, quality: take(
                 valid_us - shift_us, value, now_us, _earlier(quality, shift_us)
             )
@@ -217,6 +225,11 @@ class ImportProxy(Part):
                 take(sample.valid_us, sample.value, sample.available_us, sample.quality)
 
         return on_grid
+
+    def _is_linear(self, semantic_label: str) -> bool:
+        """Whether something lies between two of its values: not between two texts."""
+        fields = self._ontology[semantic_label].sort.fields if semantic_label in self._ontology else ()
+        return not any(field.unit in {"text", "bool"} for field in fields)
 
     def _sink(self, found: ImportedStream) -> Sink:
         found.sink = self._source(found.owner, found.label)

@@ -17,6 +17,7 @@ from agents.interface import InterfaceAgent
 from agents.monitoring.coordination import Coordination
 from agents.monitoring.monitors import UnitMonitors
 from agents.part import Part
+from agents.separation.encounter_log import EncounterLog
 from agents.separation.logic import STEPS, SeparationLogic
 from agents.separation.neighbourhood import Neighbourhood
 from agents.separation.neighbours import Traffic3D
@@ -57,6 +58,7 @@ class GivingWay(Part):
 
     Args:
         neighbourhood: what others will do, and what it says of its own vehicle.
+        log: keeps a record of each meeting.
         monitors: whose warnings say that this platform will do nothing about them.
         emit: takes commands to the vehicle.
         note: takes words for the log.
@@ -78,6 +80,7 @@ class GivingWay(Part):
         clock: FederationClock,
         pilot: Pilot,
         neighbourhood: Neighbourhood,
+        log: EncounterLog,
         monitors: UnitMonitors,
         coordination: Coordination,
         emit: Callable[[Command], None],
@@ -89,7 +92,7 @@ class GivingWay(Part):
     ) -> None:
         self._unit, self._agent, self._clock, self._pilot, self._contain = unit, agent, clock, pilot, contain
         self._neighbourhood, self._monitors, self._coordination = neighbourhood, monitors, coordination
-        self._emit, self._note, self._raise, self._may_avoid = emit, note, on_alarm, may_avoid
+        self._log, self._emit, self._note, self._raise, self._may_avoid = log, emit, note, on_alarm, may_avoid
         self.logic, self.refused = SeparationLogic(unit), Counter[str]()
         self._origin: FlatOrigin | None = None
         self._neither: dict[str, AlarmEvent] = {}
@@ -119,7 +122,10 @@ class GivingWay(Part):
         if self._neighbourhood.is_watched:
             situation = self._situation(fix)
             if situation is not None:
+                met = set(self.logic.meetings)
                 self._do(self._contain.call(self.logic.look, situation, otherwise=[]), now_us)
+                for unit in self.logic.meetings.keys() - met:
+                    self._log.begin(unit, now_us)
         elif self.logic.meetings or self.logic.manoeuvre is not None:
             self._end_all(now_us)
         self._neighbourhood.publish(now_us)
@@ -152,9 +158,8 @@ class GivingWay(Part):
 
     @property
     def _cannot_words(self) -> str:
-        if not self._may_avoid:
-            return "this platform has no leave to give way"
-        return self._pilot.avoidance_off or "it may not command its vehicle"
+        off = self._pilot.avoidance_off or "it may not command its vehicle"
+        return off if self._may_avoid else "this platform has no leave to give way"
 
     def _origin_at(self, fix: Fix) -> FlatOrigin:
         """What metres count from; it moves only between manoeuvres."""
@@ -286,6 +291,7 @@ class GivingWay(Part):
                 case Neither():
                     self._on_neither(step)
                 case Over(unit):
+                    self._log.end(unit, now_us)
                     self._close_neither(unit, now_us)
 
     def _places(self, places: Iterable[FlatPlace]) -> tuple[IntendedPlace, ...]:
@@ -386,6 +392,7 @@ class GivingWay(Part):
     def _tell(self, text: str, now_us: int) -> None:
         """To the log, and to the delegators of tasks."""
         self._note(text)
+        self._log.note(text, now_us)
         self._coordination.report(text, now_us)
 
     def _on_neither(self, step: Neither) -> None:

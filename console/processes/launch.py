@@ -129,6 +129,7 @@ def platform_config(
         "trusted": {name: each.trust for name, each in call.settings.by_unit.items() if each.trust < 1.0},
         "vehicle": vehicle,
         "journal": journal_of(call.settings.journal, unit, vehicle),
+        "encounters": _absolute(call.settings.encounters),
         "ontology": None if call.settings.ontology is None else call.settings.ontology.absolute(),
         "translation": own.translation,
         "profiles": own.profiles,

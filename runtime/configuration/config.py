@@ -146,6 +146,8 @@ class NodeConfig(Strict):
     translation: Path | None = None
     profiles: Path | None = None
     journal: Path | None = None
+    encounters: Path | None = None
+    """Directory in which it keeps a record of each encounter."""
     spec: Path | None = None
     """A specification of knowledge processing, taken in again whenever the file changes."""
     units: tuple[str, ...] = ()

@@ -66,5 +66,6 @@ def platform_config(config: NodeConfig, clock: FederationClock, started_us: int,
         roads=None if config.roads is None else read_roads(config.roads),
         extensions=tuple(part for name in config.extensions for part in load_extension(name).parts),
         admission=config.admit,
+        encounters=config.encounters is not None,
         govern_us=None if config.govern_ms is None else round(config.govern_ms * 1000),
     )

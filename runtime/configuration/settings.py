@@ -118,6 +118,8 @@ class Settings(Strict):
     """From which level on `join` shows what happens."""
     journal: Path | None = None
     """Directory in which each platform records what reaches it, as `<unit>.mcap`, again with every start."""
+    encounters: Path | None = None
+    """Directory in which each platform keeps a record of each encounter, as `<unit>-<other>-<time>.mcap`."""
     clock: ClockFile = ClockFile()
     by_unit: dict[str, UnitFile] = Field(default_factory=dict, alias="unit")
 
@@ -188,7 +190,11 @@ def read_federation(path: Path) -> dict[str, Any]:
         if named := own.get("units"):
             own["units"] = tuple(str(base / name) if name.endswith(".py") else name for name in named)
     settings.update(
-        {key: base / settings[key] for key in ("roster", "key", "journal", "ontology") if settings.get(key)}
+        {
+            key: base / settings[key]
+            for key in ("roster", "key", "journal", "encounters", "ontology")
+            if settings.get(key)
+        }
     )
     if named := settings.get("extensions"):
         settings["extensions"] = [str(base / name) if name.endswith(".py") else name for name in named]

@@ -4,7 +4,7 @@ from collections.abc import Callable, Mapping, Sequence
 from dataclasses import dataclass, field
 from typing import Any, Protocol
 
-from agents.effects import Effect, Keep
+from agents.effects import Effect, Keep, KeepEncounter
 from agents.platform import Platform
 from federation.members.clock import FederationClock
 from federation.members.member import Member
@@ -70,7 +70,7 @@ class WorldNode:
         halted: why a process of it ended by itself.
         notes: what its processes reported to the user.
         told: what its specification produced.
-        kept: what it learnt.
+        kept: what it learnt; encounters: records of them.
     """
 
     unit: str
@@ -87,6 +87,7 @@ class WorldNode:
     notes: list[str] = field(default_factory=list)
     told: list[Mapping[str, Any]] = field(default_factory=list)
     kept: list[Keep] = field(default_factory=list)
+    encounters: list[KeepEncounter] = field(default_factory=list)
     truth: list[TrueState] = field(default_factory=list)
     due_us: int | None = None
     asked_us: int | None = None

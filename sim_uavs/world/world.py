@@ -25,6 +25,7 @@ from agents.effects import (
     Halt,
     InjectFault,
     Keep,
+    KeepEncounter,
     LeaveRequested,
     Note,
     Reported,
@@ -388,6 +389,8 @@ class World:
                     self.agenda.at(self.now_us + SEARCH_US, self._reach, node, over)
                 case Keep():
                     node.kept.append(effect)
+                case KeepEncounter():
+                    node.encounters.append(effect)
                 case EndSearch() | TellHost() | TakeHost() | DropHost() | Compute():
                     pass  # there are no hosts in this world, and no workers: time is simulated
                 case _:

@@ -3,7 +3,6 @@
 Twenty seeds, spread over the thousand that `-m full` takes.
 """
 
-
 import pytest
 
 from agents.flight.places import FlightLimits
