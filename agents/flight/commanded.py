@@ -69,6 +69,8 @@ class CommandedVehicle(HeardVehicle):
                     self.note(problem)
             case vehicle.PositionReport() | vehicle.FenceReport() | vehicle.FailsafeReport():
                 self._on_bounding(report)
+            case vehicle.BatteryReport():
+                self.battery = report
             case vehicle.MissionReport():
                 commands = self._on_mission(report)
             case vehicle.TargetReport():

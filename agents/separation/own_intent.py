@@ -11,7 +11,7 @@
     its pilot, anything else               its motion, and what it reaches               cannot
 
 A vehicle that may not be commanded now (control, link, mode, its pilot), or whose platform may not give way, cannot; one whose
-battery is low goes before those that yield by name. Federation time, WGS-84, metres above mean sea level.
+battery is low goes before all that can, also on a manoeuvre. Federation time, WGS-84, metres above mean sea level.
 """
 
 from math import hypot
@@ -54,6 +54,7 @@ AHEAD_S: Final = 90.0
 RETURN_HEIGHT_M: Final = 15.0
 """How high above home a vehicle returns whose parameters are not known (ArduCopter RTL_ALT)."""
 LOW_BATTERY: Final = 0.15
+"""The fraction of its charge from which on a vehicle goes first."""
 _LAND_MODES, _RETURN_MODES = MODES_OF[LandOrder], MODES_OF[ReturnHomeOrder]
 _TAKE_OFF_MODES: Final = MODES_OF[TakeOffOrder]
 _BACKTRACKS, _STREAMED = "SMART_RTL", "OFFBOARD"
@@ -71,14 +72,10 @@ class OwnIntent:
 
     Args:
         may_avoid: whether this platform may give way at all.
-
-    Attributes:
-        battery: the fraction that is left, where it is known.
     """
 
     def __init__(self, pilot: Pilot, *, may_avoid: bool) -> None:
         self._pilot, self._may_avoid = pilot, may_avoid
-        self.battery: float | None = None
         self._fastest_m_s, self._climb_m_s, self._descent_m_s = 0.0, 0.0, 0.0
 
     def now(self, manoeuvre: tuple[IntendedPlace, ...] | None) -> Intent | None:
@@ -92,7 +89,8 @@ class OwnIntent:
             return self._made(fix, IntentSource.GROUND, RightOfWay.CANNOT, (), IntentEnding.HOVER)
         self._watch(fix)
         if manoeuvre is not None:
-            return self._made(fix, IntentSource.MANOEUVRE, RightOfWay.COMMITTED, manoeuvre, IntentEnding.HOVER)
+            rank = min(self._rank(), RightOfWay.COMMITTED)
+            return self._made(fix, IntentSource.MANOEUVRE, rank, manoeuvre, IntentEnding.HOVER)
         return self.without_others(fix)
 
     def without_others(self, fix: Fix) -> Intent:
@@ -106,7 +104,7 @@ class OwnIntent:
         is_commanded = unready(pilot.status, silent_us, control=pilot.control) is None and pilot.avoidance_off is None
         if not (self._may_avoid and is_commanded):
             return RightOfWay.CANNOT
-        if self.battery is not None and self.battery <= LOW_BATTERY:
+        if pilot.battery is not None and pilot.battery.fraction <= LOW_BATTERY:
             return RightOfWay.URGENT
         return RightOfWay.NAMED
 

@@ -18,6 +18,7 @@ from navigation.intents.intent import (
     RightOfWay,
 )
 from navigation.vehicle import (
+    BatteryReport,
     Command,
     CommandResult,
     FailsafeReport,
@@ -336,6 +337,17 @@ def test_one_that_is_not_heard_and_one_that_may_be_on_the_ground_cannot_be_comma
     intent = flown.intent()
     assert intent.is_airborne
     assert intent.rank is RightOfWay.CANNOT
+
+
+@pytest.mark.parametrize(("fraction", "rank"), [(0.5, RightOfWay.NAMED), (0.15, RightOfWay.URGENT)])
+def test_one_whose_battery_is_low_goes_first(fraction: float, rank: RightOfWay) -> None:
+    flown = Flown(FlightPlan((NEAR, FAR)))
+    flown.pilot.on_report(BatteryReport(0, fraction), 0)
+    assert flown.intent().rank is rank
+    assert flown.intent((place(FAR),)).rank is min(rank, RightOfWay.COMMITTED)
+    flown.mode("LOITER")
+    assert flown.intent().rank is RightOfWay.CANNOT
+    assert flown.intent((place(FAR),)).rank is RightOfWay.CANNOT
 
 
 # -- while it gives way --------------------------------------------------------------------------------------------
