@@ -300,7 +300,7 @@ class Following(Part):
         for share in _NEARER:
             x_m, y_m = own.x_m + share * (there.x_m - own.x_m), own.y_m + share * (there.y_m - own.y_m)
             latitude_deg, longitude_deg, _ = self._frame.from_ned(y_m, x_m, 0.0)
-            order = self._pilot.clamped(GoToOrder(latitude_deg, longitude_deg, altitude_m, SPEED_M_S))
+            order = GoToOrder(latitude_deg, longitude_deg, altitude_m, SPEED_M_S)
             refusal = self._pilot.refusal(order)
             if refusal is None:
                 return order

@@ -44,12 +44,9 @@ class CommandedVehicle(HeardVehicle):
     _resumed_us: int = -RESUMES_US
     _before: vehicle.Order | None = None
     _aside: vehicle.Order | InterruptedMission | None = None
-    _moved: bool = False
     _suspended: bool = False
     _rests: str = ""
     _takes_off: bool = False
-    _raised_to_m: float | None = None
-    _lowered_to_m: float | None = None
     leg: int = 0
     awaited: arbiter.AwaitedMissions = field(default_factory=arbiter.AwaitedMissions)
     _goal: vehicle.Order | None = None
@@ -72,6 +69,8 @@ class CommandedVehicle(HeardVehicle):
                     self.note(problem)
             case vehicle.PositionReport() | vehicle.FenceReport() | vehicle.FailsafeReport():
                 self._on_bounding(report)
+            case vehicle.BatteryReport():
+                self.battery = report
             case vehicle.MissionReport():
                 commands = self._on_mission(report)
             case vehicle.TargetReport():
@@ -134,8 +133,7 @@ class CommandedVehicle(HeardVehicle):
         """Nothing of this flight is left to be done."""
         self.standing = self._before = self._aside = self._goal = self._again_us = None
         self.targets.forget()
-        self._raised_to_m = self._lowered_to_m = None
-        self._moved, self._attempts = False, 0
+        self._attempts = 0
 
     def take_over(self, reason: str) -> None:
         """Send nothing until a user asks for it; a mission waits."""

@@ -33,6 +33,7 @@ class HeardVehicle:
         winch: what its winch reported last.
         handled: the answer to the last order to its winch or gripper; None: there is none yet.
         failsafe: what its autopilot does when its link is lost; None: not reported.
+        battery: what remains of its charge; None: not reported.
         heard_us: when it last reported its state.
         targets: where it flies to, and by whose word.
     """
@@ -47,6 +48,7 @@ class HeardVehicle:
     fix: Fix | None = None
     bounds: Bounds = field(default_factory=Bounds)
     failsafe: vehicle.FailsafeReport | None = None
+    battery: vehicle.BatteryReport | None = None
     _now_us: int = 0
     heard_us: int = 0
     targets: Targets = field(default_factory=Targets)

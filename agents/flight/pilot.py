@@ -13,7 +13,7 @@ from agents.flight.arbiter import ENDINGS, HEARD_WITHIN_US, CommandClaims, Comma
 from agents.flight.commanded import CommandedVehicle
 from agents.flight.errand import Errand, OrderProgress
 from agents.flight.heard_vehicle import FORBIDDEN, InterruptedMission
-from agents.flight.places import Fix, between
+from agents.flight.places import Fix
 from dyknow import Sample, earlier
 from dyknow.model.errors import Refused
 from navigation import vehicle
@@ -52,16 +52,12 @@ class Pilot(CommandedVehicle):
         if self._goal is None and self.errand is None and self.targets.is_sent_away(self.fix):
             self.rest("another ground station has sent the vehicle elsewhere")
             return []
-        self.leg, wanted = self.plan.next_leg(self.leg, self.fix, self.clamped)
+        self.leg, wanted = self.plan.next_leg(self.leg, self.fix)
         if wanted is None or wanted == self._goal or self.refusal(wanted) is not None:
             return []
         same = self.errand is not None and self.errand.order == wanted
         self._goal, self._attempts = wanted, self._attempts + 1 if same else 1
         return [self._begin(wanted)]
-
-    def clamped(self, order: vehicle.GoToOrder) -> vehicle.GoToOrder:
-        """The order, above (or below) the other vehicle while a bound is given."""
-        return between(order, self._raised_to_m, self._lowered_to_m)
 
     def _begin(self, order: vehicle.Order) -> vehicle.Command:
         self.errand = self._errand(order)
@@ -176,7 +172,7 @@ class Pilot(CommandedVehicle):
             raise Refused(f"the plan begins in {(self.plan.start_us - now_us) / 1e6:.1f} s", "plan-not-begun")
         if fix is None or now_us - fix.valid_us > HEARD_WITHIN_US:
             raise Refused("the vehicle's position is not known", FORBIDDEN)
-        leg, wanted = self.plan.next_leg(self.leg, fix, self.clamped)
+        leg, wanted = self.plan.next_leg(self.leg, fix)
         if wanted is None:
             raise Refused("the plan is over", "plan-over")
         return leg, wanted
@@ -187,7 +183,7 @@ class Pilot(CommandedVehicle):
         self.check(order)
         self.claims.check(Commander.AVOIDANCE)
         if self.diversion is None and self._aside is None:
-            self._aside, self._moved = self._doing(), False
+            self._aside = self._doing()
         if self.errand is not None and not self.errand.is_over:
             self.errand.end(OrderProgress.OVERTAKEN, "the vehicle gives way to another")
         self.diversion = self._errand(order)
@@ -207,40 +203,32 @@ class Pilot(CommandedVehicle):
         taken = errand is not None and errand.order == self.standing and not errand.is_over
         return self.standing if taken else None if self.keeps_plan else target
 
-    def resume(self, raised_to_m: float | None = None, lowered_to_m: float | None = None) -> list[vehicle.Command]:
-        """Fly on as before the diversion, not below the one or above the other while they are given.
-
-        What the vehicle was doing is commanded once, and forgotten when neither bound is given.
-        """
+    def resume(self) -> list[vehicle.Command]:
+        """Fly on as before the diversion: what the vehicle was doing is commanded once, and forgotten."""
         diversion, self.diversion, self._goal = self.diversion, None, None
-        bounded = self._raised_to_m is not None or self._lowered_to_m is not None
-        self._raised_to_m, self._lowered_to_m = raised_to_m, lowered_to_m
-        self._moved |= diversion is not None and diversion.progress is not OrderProgress.REFUSED
+        aside, self._aside = self._aside, None
         if diversion is not None and diversion.progress is OrderProgress.OVERTAKEN:
-            self._aside = None
-        aside, moved = self._aside, self._moved
-        if raised_to_m is None and lowered_to_m is None:
-            self._aside, self._moved = None, False
+            aside = None
         if self._is_taken_over:
             return []
         if self.plan is not None and self.keeps_plan and self.standing is None and not isinstance(aside, ENDINGS):
-            if diversion is not None or bounded:
+            if diversion is not None:
                 self.leg = min(self.leg, len(self.plan.waypoints) - 1)  # who had arrived returns to where it was
             return [] if self.fix is None else self._fly(self.fix.valid_us)
-        if moved and aside is None and not self._flies_elsewhere(diversion):
+        if diversion is None or diversion.progress is OrderProgress.REFUSED:
+            return []
+        if aside is None and not self._flies_elsewhere(diversion):
             self.note("it is not known where the vehicle was going: it holds")
-        wanted = self._back_to(aside) if moved else None
+        wanted = self._back_to(aside)
         return [] if wanted is None or self.refusal(wanted) is not None else [self._begin(wanted)]
 
-    def _flies_elsewhere(self, diversion: Errand | None) -> bool:
+    def _flies_elsewhere(self, diversion: Errand) -> bool:
         """Whether another station has sent it away from its diversion: then it needs no way back."""
-        return diversion is not None and diversion.progress is OrderProgress.OVERTAKEN
+        return diversion.progress is OrderProgress.OVERTAKEN
 
     def _back_to(self, aside: vehicle.Order | InterruptedMission | None) -> vehicle.Order | None:
-        """What to order so that the vehicle does again what it did; the lower of two flies a mission with no target on."""
+        """What to order so that the vehicle does again what it did."""
         if isinstance(aside, InterruptedMission):
-            if self._raised_to_m is None and (self._lowered_to_m is None or aside.towards is None):
-                self._item, self._aside, self._moved = aside.item, None, False
-                return vehicle.ResumeMissionOrder()
-            aside = aside.towards
-        return self.clamped(aside) if isinstance(aside, vehicle.GoToOrder) else aside
+            self._item = aside.item
+            return vehicle.ResumeMissionOrder()
+        return aside

@@ -1,6 +1,6 @@
 """Where a vehicle is, where it is to fly, and between which bounds: values of the pilot and of avoidance."""
 
-from collections.abc import Callable, Mapping
+from collections.abc import Mapping
 from dataclasses import dataclass
 from math import ceil, hypot, isfinite
 from typing import NamedTuple
@@ -48,12 +48,12 @@ class FlightPlan:
     loop: bool = False
     arrival_m: float = 3.0
 
-    def next_leg(self, leg: int, fix: Fix, clamped: Callable[[GoToOrder], GoToOrder]) -> tuple[int, Order | None]:
-        """The leg after `fix` while on `leg`, and its order; None: the plan is over. `clamped` bounds its altitudes."""
+    def next_leg(self, leg: int, fix: Fix) -> tuple[int, Order | None]:
+        """The leg after `fix` while on `leg`, and its order; None: the plan is over."""
         if leg >= len(self.waypoints):
             return leg, None
         there, last = self.waypoints[leg], leg + 1 == len(self.waypoints) and not self.loop
-        up_m = clamped(GoToOrder(*there)).altitude_m - fix.altitude_m if last else 0.0
+        up_m = there.altitude_m - fix.altitude_m if last else 0.0
         if distance_m(fix.latitude_deg, fix.longitude_deg, *there[:2], up_m) <= self.arrival_m:
             leg += 1
             if self.loop:
@@ -61,13 +61,7 @@ class FlightPlan:
             if leg >= len(self.waypoints):
                 return leg, HoldOrder()
             there = self.waypoints[leg]
-        return leg, clamped(GoToOrder(*there, self.speed_m_s))
-
-
-def between(order: GoToOrder, lowest_m: float | None, highest_m: float | None) -> GoToOrder:
-    """The order, not below the one nor above the other altitude, where they are given."""
-    altitude_m = order.altitude_m if lowest_m is None else max(order.altitude_m, lowest_m)
-    return order._replace(altitude_m=altitude_m if highest_m is None else min(altitude_m, highest_m))
+        return leg, GoToOrder(*there, self.speed_m_s)
 
 
 @dataclass(frozen=True, slots=True)

@@ -215,7 +215,7 @@ class CommandRun:
         if not isinstance(order, GoToOrder):
             return pilot.errand is not None and pilot.errand.is_taken
         away_m = distance_m(fix.latitude_deg, fix.longitude_deg, order.latitude_deg, order.longitude_deg)
-        return away_m <= LEVEL_M and abs(fix.altitude_m - pilot.clamped(order).altitude_m) <= UPRIGHT_M
+        return away_m <= LEVEL_M and abs(fix.altitude_m - order.altitude_m) <= UPRIGHT_M
 
     def _is_out(self, line_m: float, pilot: Pilot) -> bool:
         told = pilot.winch

@@ -142,11 +142,9 @@ class SeparationLogic:
         theirs = other.rank(now.now_us)
         if theirs is RightOfWay.CANNOT or meeting.is_left:
             return True
-        own = (
-            RightOfWay.COMMITTED
-            if self.manoeuvre is not None and self.manoeuvre.state is ManoeuvreState.FLOWN
-            else now.rank
-        )
+        own, manoeuvre = now.rank, self.manoeuvre
+        if manoeuvre is not None and manoeuvre.state is ManoeuvreState.FLOWN:
+            own = min(own, RightOfWay.COMMITTED)
         if (own, unit_order(self.unit)) > (theirs, unit_order(unit)):
             return True
         return now.now_us - meeting.since_us >= PATIENCE_US

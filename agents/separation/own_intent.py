@@ -6,19 +6,22 @@
     an order, another station's target     that place, then it stands                    by name
     the route                              its places, as far as 90 s                    by name
     a mission, its target reported         that place, then on                           by name with leave, else cannot
-    RTL                                    up, home, down                                cannot
-    LAND                                   down                                          cannot
+    RTL                                    up, home, down                                by name with leave, else cannot
+    LAND                                   down                                          by name with leave, else cannot
     its pilot, anything else               its motion, and what it reaches               cannot
 
-A vehicle that may not be commanded, or is without leave to give way, cannot. Federation time, WGS-84, metres above mean sea level.
+A vehicle that may not be commanded now (control, link, mode, its pilot), or whose platform may not give way, cannot; one whose
+battery is low goes before all that can, also on a manoeuvre. Federation time, WGS-84, metres above mean sea level.
 """
 
-from typing import Final
+from math import hypot
+from typing import Final, NamedTuple
 
-from agents.flight.arbiter import ENDINGS, Commander
+from agents.flight.arbiter import ENDINGS, Commander, unready
 from agents.flight.heard_vehicle import InterruptedMission
 from agents.flight.pilot import Pilot
-from agents.flight.places import Fix
+from agents.flight.places import Fix, FlightPlan
+from agents.separation.records import MOST_DELAY_S
 from navigation.geodesy import distance_m
 from navigation.intents.intent import (
     CLIMB_M_S,
@@ -51,8 +54,17 @@ AHEAD_S: Final = 90.0
 RETURN_HEIGHT_M: Final = 15.0
 """How high above home a vehicle returns whose parameters are not known (ArduCopter RTL_ALT)."""
 LOW_BATTERY: Final = 0.15
+"""The fraction of its charge from which on a vehicle goes first."""
 _LAND_MODES, _RETURN_MODES = MODES_OF[LandOrder], MODES_OF[ReturnHomeOrder]
 _TAKE_OFF_MODES: Final = MODES_OF[TakeOffOrder]
+_BACKTRACKS, _STREAMED = "SMART_RTL", "OFFBOARD"
+_STANDS_M_S: Final = 1.0
+
+
+class _Way(NamedTuple):
+    source: IntentSource
+    legs: tuple[IntendedPlace, ...] = ()
+    ending: IntentEnding = IntentEnding.HOVER
 
 
 class OwnIntent:
@@ -60,14 +72,10 @@ class OwnIntent:
 
     Args:
         may_avoid: whether this platform may give way at all.
-
-    Attributes:
-        battery: the fraction that is left, where it is known.
     """
 
     def __init__(self, pilot: Pilot, *, may_avoid: bool) -> None:
         self._pilot, self._may_avoid = pilot, may_avoid
-        self.battery: float | None = None
         self._fastest_m_s, self._climb_m_s, self._descent_m_s = 0.0, 0.0, 0.0
 
     def now(self, manoeuvre: tuple[IntendedPlace, ...] | None) -> Intent | None:
@@ -81,7 +89,8 @@ class OwnIntent:
             return self._made(fix, IntentSource.GROUND, RightOfWay.CANNOT, (), IntentEnding.HOVER)
         self._watch(fix)
         if manoeuvre is not None:
-            return self._made(fix, IntentSource.MANOEUVRE, RightOfWay.COMMITTED, manoeuvre, IntentEnding.HOVER)
+            rank = min(self._rank(), RightOfWay.COMMITTED)
+            return self._made(fix, IntentSource.MANOEUVRE, rank, manoeuvre, IntentEnding.HOVER)
         return self.without_others(fix)
 
     def without_others(self, fix: Fix) -> Intent:
@@ -91,9 +100,11 @@ class OwnIntent:
 
     def _rank(self) -> RightOfWay:
         pilot = self._pilot
-        if not (self._may_avoid and pilot.control) or pilot.avoidance_off is not None:
+        silent_us = pilot.now_us - pilot.heard_us
+        is_commanded = unready(pilot.status, silent_us, control=pilot.control) is None and pilot.avoidance_off is None
+        if not (self._may_avoid and is_commanded):
             return RightOfWay.CANNOT
-        if self.battery is not None and self.battery <= LOW_BATTERY:
+        if pilot.battery is not None and pilot.battery.fraction <= LOW_BATTERY:
             return RightOfWay.URGENT
         return RightOfWay.NAMED
 
@@ -103,79 +114,78 @@ class OwnIntent:
         self._climb_m_s = max(-fix.down_m_s, 0.998 * self._climb_m_s)
         self._descent_m_s = max(fix.down_m_s, 0.998 * self._descent_m_s)
 
-    def _way(self, fix: Fix) -> tuple[IntentSource, tuple[IntendedPlace, ...], IntentEnding]:
+    def _way(self, fix: Fix) -> _Way:
         pilot, status = self._pilot, self._pilot.status
         mode = "" if status is None else status.mode
-        here = IntendedPlace(fix.latitude_deg, fix.longitude_deg, fix.altitude_m)
         if mode in _LAND_MODES:
-            return IntentSource.LANDING, (self._below(here),), IntentEnding.LAND
+            return self._landing(fix)
         if mode in _RETURN_MODES:
-            return IntentSource.RETURN, self._return_legs(here, None), IntentEnding.LAND
+            return self._return(fix)
         target = pilot.targets.told if pilot.targets.tells(pilot.now_us) else None
         towards = None if target is None else IntendedPlace(*target[1:4])
         if mode in MISSION_MODES or mode in _TAKE_OFF_MODES:
-            if towards is None:
-                return IntentSource.MISSION, (), IntentEnding.OPEN
-            return IntentSource.MISSION, (towards,), IntentEnding.HOVER
+            source = IntentSource.MISSION if mode in MISSION_MODES else IntentSource.TAKE_OFF
+            return _Way(source, (), IntentEnding.OPEN) if towards is None else _Way(source, (towards,))
         if pilot.diversion is not None and pilot.kept_aside is not None:
-            return self._aside(pilot.kept_aside)
-        claims = pilot.claims._replace(avoidance="")
-        commander = claims.commander if pilot.control else Commander.NONE
+            return self._aside(fix, pilot.kept_aside)
+        commander = pilot.claims._replace(avoidance="").commander if pilot.control else Commander.NONE
         if commander is Commander.HANDS or (status is not None and not status.guided):
-            return IntentSource.PILOT, (), IntentEnding.OPEN
-        order = pilot.standing if pilot.control else None
-        if commander is Commander.ROUTE and pilot.plan is not None:
-            legs = self._route(fix)
-            if legs:
-                return IntentSource.ROUTE, legs, IntentEnding.HOVER
-        if isinstance(order, GoToOrder | InterruptOrder) and commander is not Commander.NONE:
-            return IntentSource.ORDER, (IntendedPlace(*order[:3]),), IntentEnding.HOVER
-        if isinstance(order, HoldOrder):
-            return IntentSource.HOVER, (), IntentEnding.HOVER
-        if (
-            commander is not Commander.NONE
-            and pilot.plan is not None
-            and pilot.leg >= len(pilot.plan.waypoints)
-            and pilot.keeps_plan
-        ):
-            return IntentSource.HOVER, (), IntentEnding.HOVER
+            return _Way(IntentSource.PILOT, (), IntentEnding.OPEN)
+        ours = self._ours(fix, commander) if pilot.control else None
+        if ours is not None:
+            return ours
         if towards is not None and pilot.diversion is None:
-            return IntentSource.STATION, (towards,), IntentEnding.HOVER
-        back = pilot.others_target()
+            return _Way(IntentSource.STATION, (towards,))
+        back = None if pilot.targets.is_ours or pilot.diversion is not None else pilot.others_target()
         if back is not None:
-            return IntentSource.STATION, (IntendedPlace(*back[:3]),), IntentEnding.HOVER
-        return IntentSource.HOVER, (), IntentEnding.HOVER if fix.speed_m_s < 1.0 else IntentEnding.OPEN
+            return _Way(IntentSource.STATION, (IntendedPlace(*back[:3]),))
+        stands = hypot(fix.speed_m_s, fix.down_m_s) < _STANDS_M_S
+        return _Way(IntentSource.HOVER, (), IntentEnding.HOVER if stands else IntentEnding.OPEN)
 
-    def _aside(self, aside: Order | InterruptedMission) -> tuple[IntentSource, tuple[IntendedPlace, ...], IntentEnding]:
+    def _ours(self, fix: Fix, commander: Commander) -> _Way | None:
+        """What this platform has it fly; None: nothing."""
+        pilot = self._pilot
+        if commander is Commander.ROUTE and pilot.plan is not None:
+            legs = _route(pilot.plan, pilot.leg, fix)
+            return _Way(IntentSource.ROUTE, legs) if legs else None
+        if pilot.standing is not None:
+            return self._ordered(fix, pilot.standing, IntentSource.ORDER)
+        if commander is not Commander.NONE or pilot.plan is None or not pilot.keeps_plan:
+            return None
+        if pilot.diversion is None:
+            return _Way(IntentSource.HOVER)
+        return _Way(IntentSource.ROUTE, (IntendedPlace(*pilot.plan.waypoints[-1]),))
+
+    def _ordered(self, fix: Fix, order: Order, source: IntentSource) -> _Way | None:
+        """The way of an order; None: it is one that has none."""
+        match order:
+            case LandOrder():
+                return self._landing(fix)
+            case ReturnHomeOrder():
+                return self._return(fix)
+            case GoToOrder() | InterruptOrder():
+                return _Way(source, (IntendedPlace(*order[:3]),))
+            case HoldOrder():
+                return _Way(IntentSource.HOVER)
+        return None
+
+    def _aside(self, fix: Fix, aside: Order | InterruptedMission) -> _Way:
         """What it did before it made room, and will do again."""
-        source = IntentSource.MISSION if isinstance(aside, InterruptedMission) else IntentSource.ORDER
-        order = aside.towards if isinstance(aside, InterruptedMission) else aside
-        fix = self._pilot.fix
-        if isinstance(order, ENDINGS) and fix is not None:
-            here = IntendedPlace(fix.latitude_deg, fix.longitude_deg, fix.altitude_m)
-            if isinstance(order, LandOrder):
-                return IntentSource.LANDING, (self._below(here),), IntentEnding.LAND
-            return IntentSource.RETURN, self._return_legs(here, None), IntentEnding.LAND
-        if isinstance(order, GoToOrder | InterruptOrder):
-            return source, (IntendedPlace(*order[:3]),), IntentEnding.HOVER
-        return source, (), IntentEnding.HOVER
+        if isinstance(aside, InterruptedMission):
+            return _Way(IntentSource.MISSION, () if aside.towards is None else (IntendedPlace(*aside.towards[:3]),))
+        is_ours = isinstance(aside, ENDINGS) or aside == self._pilot.standing
+        source = IntentSource.ORDER if is_ours else IntentSource.STATION
+        return self._ordered(fix, aside, source) or _Way(source)
 
-    def _route(self, fix: Fix) -> tuple[IntendedPlace, ...]:
-        plan = self._pilot.plan
-        if plan is None or fix.valid_us < plan.start_us:
-            return ()
-        places = plan.waypoints[self._pilot.leg :]
-        if plan.loop:
-            places += plan.waypoints[: self._pilot.leg]
-        legs: list[IntendedPlace] = []
-        left_m, before = AHEAD_S * max(plan.speed_m_s, 1.0), (fix.latitude_deg, fix.longitude_deg)
-        for place in places[:MOST_LEGS]:
-            legs.append(IntendedPlace(*place))
-            left_m -= distance_m(*before, place.latitude_deg, place.longitude_deg)
-            before = place.latitude_deg, place.longitude_deg
-            if left_m < 0.0:
-                break
-        return tuple(legs)
+    def _landing(self, fix: Fix) -> _Way:
+        return _Way(IntentSource.LANDING, (self._below(_place(fix)),), IntentEnding.LAND)
+
+    def _return(self, fix: Fix) -> _Way:
+        """Straight home; not known where that is, or where it flies back the way that it came."""
+        status = self._pilot.status
+        if self._pilot.bounds.home is None or (status is not None and status.mode == _BACKTRACKS):
+            return _Way(IntentSource.RETURN, (), IntentEnding.OPEN)
+        return _Way(IntentSource.RETURN, *self._return_legs(_place(fix)))
 
     def _below(self, here: IntendedPlace) -> IntendedPlace:
         """The ground below: that of home, as far as is known."""
@@ -183,39 +193,44 @@ class OwnIntent:
         ground_m = here.altitude_m - 200.0 if home_m is None else min(home_m, here.altitude_m)
         return here._replace(altitude_m=ground_m)
 
-    def _return_legs(self, here: IntendedPlace, failsafe: FailsafeReport | None) -> tuple[IntendedPlace, ...]:
-        """Up to the height at which it returns, home, and down."""
-        home, failsafe = self._pilot.bounds.home, failsafe or self._pilot.failsafe
+    def _return_legs(self, here: IntendedPlace) -> tuple[tuple[IntendedPlace, ...], IntentEnding]:
+        """Up to the height at which it returns, home, and down, or to the height at which it stays."""
+        home, failsafe = self._pilot.bounds.home, self._pilot.failsafe
         if home is None:
-            return (here,)
+            return (), IntentEnding.OPEN
         height_m = RETURN_HEIGHT_M if failsafe is None or failsafe.return_height_m is None else failsafe.return_height_m
         level_m = max(here.altitude_m, home.altitude_m + height_m)
         over = IntendedPlace(home.latitude_deg, home.longitude_deg, level_m)
         final_m = 0.0 if failsafe is None or failsafe.final_height_m is None else failsafe.final_height_m
+        ending = IntentEnding.HOVER if final_m > 0.0 else IntentEnding.LAND
         down = over._replace(altitude_m=home.altitude_m + final_m)
         away_m = distance_m(here.latitude_deg, here.longitude_deg, home.latitude_deg, home.longitude_deg)
         if away_m < 3.0:
-            return (down,)
+            return (down,), ending
         climb = () if level_m - here.altitude_m < 1.0 else (here._replace(altitude_m=level_m),)
-        return (*climb, over, down)
+        return (*climb, over, down), ending
+
+    def _on_lost_link(self, failsafe: FailsafeReport, source: IntentSource) -> LinkLossAction | None:
+        status = self._pilot.status
+        if source is IntentSource.MISSION:
+            return failsafe.in_mission
+        return failsafe.in_offboard if status is not None and status.mode == _STREAMED else failsafe.action
 
     def _contingency(
         self, here: IntendedPlace, source: IntentSource, legs: tuple[IntendedPlace, ...]
     ) -> Contingency | None:
         """What its autopilot does on a lost link; None: it flies its legs to their end."""
         failsafe = self._pilot.failsafe
-        action: LinkLossAction | None = None
-        if failsafe is not None:
-            action = failsafe.in_mission if source is IntentSource.MISSION else failsafe.action
         if source in {IntentSource.LANDING, IntentSource.RETURN, IntentSource.GROUND}:
             return None
-        if action is None or action is LinkLossAction.CARRY_ON:
+        action = None if failsafe is None else self._on_lost_link(failsafe, source)
+        if failsafe is None or action is None or action is LinkLossAction.CARRY_ON:
             several = len(legs) > 1 and source in {IntentSource.ROUTE, IntentSource.MANOEUVRE}
             return Contingency(0.0, legs[:1], IntentEnding.HOVER) if several else None
-        delay_s = 0.0 if failsafe is None or failsafe.delay_s is None else failsafe.delay_s
+        delay_s = min(max(0.0, failsafe.delay_s or 0.0), MOST_DELAY_S)
         match action:
             case LinkLossAction.RETURN:
-                return Contingency(delay_s, self._return_legs(here, failsafe), IntentEnding.LAND)
+                return Contingency(delay_s, *self._return_legs(here))
             case LinkLossAction.LAND | LinkLossAction.TERMINATE:
                 return Contingency(delay_s, (self._below(here),), IntentEnding.LAND)
         return Contingency(delay_s, (), IntentEnding.HOVER)
@@ -223,7 +238,7 @@ class OwnIntent:
     def _made(
         self, fix: Fix, source: IntentSource, rank: RightOfWay, legs: tuple[IntendedPlace, ...], ending: IntentEnding
     ) -> Intent:
-        here = IntendedPlace(fix.latitude_deg, fix.longitude_deg, fix.altitude_m)
+        here = _place(fix)
         plan, order, speed = self._pilot.plan, self._pilot.standing, SPEED_M_S
         if source is IntentSource.ROUTE and plan is not None:
             speed = plan.speed_m_s
@@ -237,3 +252,25 @@ class OwnIntent:
             max(0.5, min(60.0, speed)), max(CLIMB_M_S, min(20.0, self._climb_m_s)),
             max(DESCENT_M_S, min(20.0, self._descent_m_s)), contingency=contingency,
         )  # fmt: skip
+
+
+def _place(fix: Fix) -> IntendedPlace:
+    return IntendedPlace(fix.latitude_deg, fix.longitude_deg, fix.altitude_m)
+
+
+def _route(plan: FlightPlan, leg: int, fix: Fix) -> tuple[IntendedPlace, ...]:
+    """Its places from that leg on, over and over if it is flown so, as far as `AHEAD_S`; none before it begins."""
+    if fix.valid_us < plan.start_us:
+        return ()
+    places = plan.waypoints[leg:]
+    while plan.loop and len(plan.waypoints) > 1 and len(places) < MOST_LEGS:
+        places += plan.waypoints
+    legs: list[IntendedPlace] = []
+    left_m, before = AHEAD_S * max(plan.speed_m_s, 1.0), (fix.latitude_deg, fix.longitude_deg)
+    for place in places[:MOST_LEGS]:
+        legs.append(IntendedPlace(*place))
+        left_m -= distance_m(*before, place.latitude_deg, place.longitude_deg)
+        before = place.latitude_deg, place.longitude_deg
+        if left_m < 0.0:
+            break
+    return tuple(legs)

@@ -67,12 +67,9 @@ def test_while_it_gives_way_a_vehicle_takes_no_other_place_to_go():
         found.order(GoToOrder(0.0, 0.0, 60.0))
 
 
-def test_who_flies_on_above_another_does_not_descend_to_its_route():
+def test_after_giving_way_a_vehicle_returns_to_the_level_of_its_route():
     found = pilot()
     found.divert(90.0)
-    (command,) = found.resume(90.0)
-    assert isinstance(command.order, GoToOrder)
-    assert command.order.altitude_m == 90.0
     (command,) = found.resume()
     assert isinstance(command.order, GoToOrder)
     assert command.order.altitude_m == 50.0

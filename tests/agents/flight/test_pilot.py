@@ -281,15 +281,6 @@ def test_a_diversion_stops_where_the_vehicle_is_and_the_route_is_resumed_after_i
     assert flown.flying == "plan"
 
 
-def test_the_route_is_resumed_above_or_below_the_other_while_that_is_asked() -> None:
-    flown = pilot(ROUTE)
-    at(flown)
-    flown.divert(130.0)
-    assert orders(flown.resume(raised_to_m=130.0)) == [leg(NEAR, 130.0)]
-    assert orders(flown.resume(lowered_to_m=80.0)) == [leg(NEAR, 80.0)]
-    assert orders(flown.resume()) == [leg(NEAR)]
-
-
 def test_an_order_that_stood_before_a_diversion_is_said_once_after_it() -> None:
     flown = pilot(ROUTE)
     at(flown)
@@ -425,16 +416,6 @@ def test_a_ground_station_that_sends_the_vehicle_elsewhere_meanwhile_is_not_cont
     assert flown.resume() == []
 
 
-def test_the_climber_stays_above_whatever_it_was_doing() -> None:
-    flown = pilot()
-    at(flown)
-    guided_to(flown, A, 0)
-    flown.divert(130.0)
-    assert orders(flown.resume(raised_to_m=130.0)) == [GoToOrder(*A[1:3], 130.0)]
-    assert orders(flown.resume()) == [GoToOrder(*A[1:])]
-    assert flown.resume() == []
-
-
 def test_a_refused_diversion_leaves_the_vehicle_to_who_guides_it() -> None:
     flown = pilot()
     at(flown)
@@ -548,7 +529,7 @@ LANDED = StatusReport(0, armed=False, guided=True, airborne=False, mode="GUIDED"
 
 @pytest.mark.parametrize("missions", [False, True])
 @pytest.mark.parametrize("mode", ["LOITER", "AUTO", "AUTO.MISSION"])
-@pytest.mark.parametrize("doing", ["plan", "order", "hold", "diversion", "hover", "resumed"])
+@pytest.mark.parametrize("doing", ["plan", "order", "hold", "diversion", "hover"])
 def test_after_a_takeover_nothing_is_sent_until_asked(doing: str, mode: str, *, missions: bool) -> None:
     flown = pilot(ROUTE if doing == "plan" else None)
     flown.missions = missions
@@ -563,14 +544,12 @@ def test_after_a_takeover_nothing_is_sent_until_asked(doing: str, mode: str, *, 
             flown.order(HoldOrder())
         else:
             flown.divert(130.0)
-    if doing == "resumed":
-        flown.resume(raised_to_m=120.0)
     flown.on_report(taken_over, 1)
     if flown.diversion is not None:
         assert flown.diversion.progress is OrderProgress.OVERTAKEN
         assert f"mode {mode}" in flown.diversion.reason
     assert at(flown, 1) == [], "nothing in the mode of its pilot"
-    assert flown.resume(raised_to_m=120.0) == []
+    assert flown.resume() == []
     with pytest.raises(Refused, match=f"the vehicle is in mode {mode}"):
         flown.proceed()
     for status in (taken_over, FLIES):
@@ -660,7 +639,6 @@ def test_with_leave_a_mission_is_interrupted_to_give_way_and_resumed_at_its_item
     assert command.order == InterruptOrder(58.0, 15.0, 130.0)
     told(flown, command, accepted=True)
     flown.on_report(FLIES, 100_000)
-    assert orders(flown.resume(raised_to_m=120.0)) == [GoToOrder(*A[1:3], 120.0)], "along its route, above the other"
     (again,) = flown.resume()
     assert again.order == ResumeMissionOrder()
     told(flown, again, accepted=True)
@@ -669,16 +647,14 @@ def test_with_leave_a_mission_is_interrupted_to_give_way_and_resumed_at_its_item
     assert flown.resume() == []
 
 
-def test_of_two_whose_missions_report_no_target_the_lower_flies_on_and_the_higher_waits() -> None:
-    for lower in (True, False):
-        flown = on_mission(missions=True)
-        flown.targets.forget()
-        (command,) = flown.divert(None)
-        told(flown, command, accepted=True)
-        flown.on_report(FLIES, 100_000)
-        bound = {"lowered_to_m": 100.0} if lower else {"raised_to_m": 100.0}
-        assert orders(flown.resume(**bound)) == ([ResumeMissionOrder()] if lower else [])
-        assert orders(flown.resume()) == ([] if lower else [ResumeMissionOrder()]), "once"
+def test_a_mission_that_reports_no_target_is_resumed_once() -> None:
+    flown = on_mission(missions=True)
+    flown.targets.forget()
+    (command,) = flown.divert(None)
+    told(flown, command, accepted=True)
+    flown.on_report(FLIES, 100_000)
+    assert orders(flown.resume()) == [ResumeMissionOrder()]
+    assert flown.resume() == [], "once"
 
 
 def test_a_mission_that_begins_elsewhere_is_sent_to_its_item_once() -> None:
@@ -701,7 +677,7 @@ def test_a_pilot_who_begins_the_mission_again_has_it_also_where_the_interruption
     flown.on_report(AUTO, 200_000)
     assert flown.diversion is not None
     assert flown.diversion.progress is OrderProgress.OVERTAKEN
-    assert flown.resume(lowered_to_m=90.0) == []
+    assert flown.resume() == []
     assert flown.avoidance_off == "its pilot took over"
 
 
