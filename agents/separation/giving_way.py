@@ -21,6 +21,7 @@ from agents.separation.encounter_log import EncounterLog
 from agents.separation.logic import STEPS, SeparationLogic
 from agents.separation.neighbourhood import Neighbourhood
 from agents.separation.neighbours import Traffic3D
+from agents.separation.neither import NeitherAlarms
 from agents.separation.records import legs_of, legs_text
 from agents.separation.situation import (
     Fly,
@@ -43,7 +44,7 @@ from navigation.intents.intent import IntendedPlace, Intent, IntentEnding, Inten
 from navigation.intents.meeting import MINIMA, clearance, closeness
 from navigation.intents.path import FlatOrigin, FlatPlace, flat_legs, motion_of, nominal, performance_of
 from navigation.vehicle import Command
-from reasoning import NEITHER_CAN_AVOID, AlarmEvent
+from reasoning import AlarmEvent
 
 ANSWER_WITHIN_US: Final = 1_000_000
 NOT_FLOWN: Final = frozenset({OrderProgress.REFUSED, OrderProgress.OVERTAKEN, OrderProgress.UNSEEN})
@@ -92,10 +93,10 @@ class GivingWay(Part):
     ) -> None:
         self._unit, self._agent, self._clock, self._pilot, self._contain = unit, agent, clock, pilot, contain
         self._neighbourhood, self._monitors, self._coordination = neighbourhood, monitors, coordination
-        self._log, self._emit, self._note, self._raise, self._may_avoid = log, emit, note, on_alarm, may_avoid
+        self._log, self._emit, self._note, self._may_avoid = log, emit, note, may_avoid
         self.logic, self.refused = SeparationLogic(unit), Counter[str]()
         self._origin: FlatOrigin | None = None
-        self._neither: dict[str, AlarmEvent] = {}
+        self._neither = NeitherAlarms(unit, note, on_alarm)
         self._seen: object = None
 
     @property
@@ -121,7 +122,9 @@ class GivingWay(Part):
         self._follow_diversion(now_us)
         if self._neighbourhood.is_watched:
             situation = self._situation(fix)
-            if situation is not None:
+            if situation is None:
+                self._land(now_us)
+            else:
                 met = set(self.logic.meetings)
                 self._do(self._contain.call(self.logic.look, situation, otherwise=[]), now_us)
                 for unit in self.logic.meetings.keys() - met:
@@ -129,6 +132,11 @@ class GivingWay(Part):
         elif self.logic.meetings or self.logic.manoeuvre is not None:
             self._end_all(now_us)
         self._neighbourhood.publish(now_us)
+
+    def _land(self, now_us: int) -> None:
+        """The vehicle is on the ground: it meets nobody."""
+        self._do(self.logic.forget(list(self.logic.meetings)), now_us)
+        self.logic.manoeuvre = self._neighbourhood.manoeuvre = None
 
     def _end_all(self, now_us: int) -> None:
         """No task keeps vehicles apart now, or the vehicle is on the ground."""
@@ -142,8 +150,6 @@ class GivingWay(Part):
         pilot, around = self._pilot, self._neighbourhood
         own = around.own.now(None)
         if own is None or not own.is_airborne:
-            self.logic.forget(list(self.logic.meetings))
-            self.logic.manoeuvre = around.manoeuvre = None
             return None
         origin = self._origin_at(fix)
         federation_us = max(fix.valid_us, pilot.now_us)
@@ -289,10 +295,10 @@ class GivingWay(Part):
                 case Waits(units):
                     self._tell(f"{self._unit} waits: {', '.join(units) or 'another'} is where it is to fly", now_us)
                 case Neither():
-                    self._on_neither(step)
+                    self._neither.open(step, self._pilot.now_us)
                 case Over(unit):
                     self._log.end(unit, now_us)
-                    self._close_neither(unit, now_us)
+                    self._neither.close(unit, self._clock.federation_us(now_us))
 
     def _places(self, places: Iterable[FlatPlace]) -> tuple[IntendedPlace, ...]:
         origin = self._origin
@@ -394,27 +400,3 @@ class GivingWay(Part):
         self._note(text)
         self._log.note(text, now_us)
         self._coordination.report(text, now_us)
-
-    def _on_neither(self, step: Neither) -> None:
-        """Neither of the two avoids the other: an alarm of its own."""
-        if step.unit in self._neither:
-            return
-        valid_us = self._pilot.now_us
-        values: dict[str, str | float] = {
-            f"reason[{unit}]": why for unit, why in zip((self._unit, step.unit), step.reasons, strict=True)
-        }
-        values["seconds"] = round(step.seconds, 1)
-        event = AlarmEvent(
-            f"{NEITHER_CAN_AVOID} {self._unit} {step.unit} {valid_us}", "opened", NEITHER_CAN_AVOID,
-            (self._unit, step.unit), valid_us, valid_us, values,
-        )  # fmt: skip
-        self._neither[step.unit] = event
-        self._note(
-            f"neither {self._unit} nor {step.unit} can avoid the other, in {step.seconds:.0f} s: {'; '.join(step.reasons)}"
-        )
-        self._raise(event)
-
-    def _close_neither(self, unit: str, now_us: int) -> None:
-        event = self._neither.pop(unit, None)
-        if event is not None:
-            self._raise(event._replace(event="closed", detected_us=self._clock.federation_us(now_us)))

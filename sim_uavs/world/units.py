@@ -93,6 +93,13 @@ class WorldNode:
     asked_us: int | None = None
     mailbox: Mailbox | None = None
 
+    def keep(self, effect: Keep | KeepEncounter) -> None:
+        """What its process would keep in a file."""
+        if isinstance(effect, Keep):
+            self.kept.append(effect)
+        else:
+            self.encounters.append(effect)
+
     @property
     def platform(self) -> Platform | None:
         """Its process, if that is a platform."""

@@ -2,8 +2,7 @@
 
 The platforms and the command centre are those of real federations; only clock, wire and vehicles are simulated. Every
 node has a clock of its own, which may be wrong and drift. Nothing here reads the time: a minute takes what its events
-take, and the same seed gives the same events. Times are the world's, in microseconds since the epoch, unless they are
-called a node's.
+take, and the same seed gives the same events. Times are the world's, in microseconds since the epoch, or a node's.
 """
 
 import gc
@@ -377,22 +376,20 @@ class World:
                     self._command(node, effect)
                 case InjectFault():
                     self._injected(node, effect)
-                case Note():
-                    node.notes.append(effect.text)
-                case Tell():
-                    node.told.append(effect.record)
+                case Note(_, text):
+                    node.notes.append(text)
+                case Tell(record):
+                    node.told.append(record)
                 case Halt():
                     node.halted.append(effect.reason)
                     self.agenda.at(self.now_us, self.kill, node.unit)
                 case RunSearch():
                     over = searched(effect, node.clock.node_us(self.now_us))
                     self.agenda.at(self.now_us + SEARCH_US, self._reach, node, over)
-                case Keep():
-                    node.kept.append(effect)
-                case KeepEncounter():
-                    node.encounters.append(effect)
+                case Keep() | KeepEncounter():
+                    node.keep(effect)
                 case EndSearch() | TellHost() | TakeHost() | DropHost() | Compute():
-                    pass  # there are no hosts in this world, and no workers: time is simulated
+                    pass  # this world has no hosts and no workers
                 case _:
                     self.wire.perform(node.unit, effect)
 
