@@ -55,6 +55,8 @@ CANNOT_US: Final = 5_000_000
 MOST_ASKED: Final = 2
 WAITS_US: Final = 4_000_000
 """So long one stands where it has made room before it looks for a way round."""
+OFTEN, OFTEN_US, MOST_COUNTED = 3, 120_000_000, 64
+"""A vehicle that makes room for another one so often does not get on: that is reported."""
 NOTHING_FREE: Final = "no way is free of all others within its limits"
 
 
@@ -75,6 +77,7 @@ class SeparationLogic:
         self._cannot_until_us = 0
         self._planned_us = -AGAIN_US
         self._refusals = 0
+        self._often: dict[str, tuple[int, int]] = {}
 
     # -- looking -----------------------------------------------------------------------------------------------
 
@@ -207,7 +210,19 @@ class SeparationLogic:
     def _begin(self, now: Situation, manoeuvre: Manoeuvre) -> list[Step]:
         manoeuvre.state, manoeuvre.since_us, self.manoeuvre = ManoeuvreState.FLOWN, now.now_us, manoeuvre
         self._refusals = 0
-        return [Fly(manoeuvre.places[0], True, manoeuvre.planned.words, tuple(sorted(manoeuvre.units)))]
+        again = tuple(sorted(unit for unit in manoeuvre.units if self._count(unit, now.now_us) == OFTEN))
+        waits: list[Step] = [Waits(again)] if again else []
+        return [*waits, Fly(manoeuvre.places[0], True, manoeuvre.planned.words, tuple(sorted(manoeuvre.units)))]
+
+    def _count(self, unit: str, now_us: int) -> int:
+        """How many manoeuvres there were for it, with no more than two minutes between two of them."""
+        count, last_us = self._often.get(unit, (0, 0))
+        found = count + 1 if count and now_us - last_us <= OFTEN_US else 1
+        self._often.pop(unit, None)
+        self._often[unit] = found, now_us
+        while len(self._often) > MOST_COUNTED:
+            del self._often[next(iter(self._often))]
+        return found
 
     def _follow(self, now: Situation) -> list[Step]:
         """Command the next place when the vehicle is at one."""
