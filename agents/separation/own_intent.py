@@ -309,7 +309,7 @@ def _place(fix: Fix) -> IntendedPlace:
 
 
 def _flown(here: IntendedPlace, legs: Sequence[IntendedPlace], left_m: float) -> IntendedPlace:
-    """Where it is on its legs after so many metres; at their end it stands."""
+    """Where it is on its legs `left_m` metres farther on; at their end it stands."""
     at = here
     for to in legs:
         leg_m = distance_m(at.latitude_deg, at.longitude_deg, to.latitude_deg, to.longitude_deg)
