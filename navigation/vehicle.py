@@ -10,6 +10,7 @@ from typing import NamedTuple, TypeAlias
 
 from navigation.fences import FenceArea
 from navigation.heard_aircraft import HeardAircraft
+from navigation.mission_plans import MissionPlanReport
 
 LONGEST_LINE_M = 50.0
 
@@ -284,7 +285,7 @@ class CommandResult(NamedTuple):
 Report: TypeAlias = (
     PositionReport | VelocityReport | LocalPositionReport | AttitudeReport | AccelerationReport | BatteryReport | HomeReport
     | StatusReport | TargetReport | TextReport | MissionReport | FenceReport | FailsafeReport | FixReport | MountReport
-    | WinchReport | ImageReport | TrafficReport | LinkReport | StationReport | CommandResult
+    | MissionPlanReport | WinchReport | ImageReport | TrafficReport | LinkReport | StationReport | CommandResult
 )  # fmt: skip
 
 

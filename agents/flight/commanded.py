@@ -13,6 +13,7 @@ from agents.flight.arbiter import ENDINGS, CommandClaims, MissionClaim, in_words
 from agents.flight.errand import TEXT_WITHIN_US, Errand, OrderProgress
 from agents.flight.heard_vehicle import HeardVehicle, InterruptedMission
 from navigation import vehicle
+from navigation.mission_plans import MissionPlanReport
 
 FORGETS_US = 3_500_000
 """After so long a silence home has to be reported again; the feed asks for it after 3 s."""
@@ -71,6 +72,8 @@ class CommandedVehicle(HeardVehicle):
                 self._on_bounding(report)
             case vehicle.BatteryReport():
                 self.battery = report
+            case MissionPlanReport():
+                self.loaded = report.items
             case vehicle.MissionReport():
                 commands = self._on_mission(report)
             case vehicle.TargetReport():
@@ -233,6 +236,11 @@ class CommandedVehicle(HeardVehicle):
     def kept_aside(self) -> vehicle.Order | InterruptedMission | None:
         """What the vehicle did before it gave way, and will do again; None: its plan, or nothing that is known."""
         return self._aside
+
+    @property
+    def item(self) -> int | None:
+        """The item of its mission that the vehicle flies, or is to fly when its mission is resumed; None: not reported."""
+        return self._item
 
     @property
     def claims(self) -> CommandClaims:

@@ -9,6 +9,7 @@ from agents.flight.places import Bounds, Fix, FlightLimits, FlightPlan
 from agents.flight.targets import Targets
 from dyknow.model.errors import Refused
 from navigation import vehicle
+from navigation.mission_plans import MissionItem
 
 FORBIDDEN: Final = "forbidden"
 """The code of a refusal by a rule."""
@@ -34,6 +35,7 @@ class HeardVehicle:
         handled: the answer to the last order to its winch or gripper; None: there is none yet.
         failsafe: what its autopilot does when its link is lost; None: not reported.
         battery: what remains of its charge; None: not reported.
+        loaded: the items of its mission; empty: it has none, or they are not known.
         heard_us: when it last reported its state.
         targets: where it flies to, and by whose word.
     """
@@ -49,6 +51,7 @@ class HeardVehicle:
     bounds: Bounds = field(default_factory=Bounds)
     failsafe: vehicle.FailsafeReport | None = None
     battery: vehicle.BatteryReport | None = None
+    loaded: tuple[MissionItem, ...] = ()
     _now_us: int = 0
     heard_us: int = 0
     targets: Targets = field(default_factory=Targets)

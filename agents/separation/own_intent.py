@@ -5,7 +5,8 @@
     a manoeuvre of ours                    its places, then it stands                    committed
     an order, another station's target     that place, then it stands                    by name
     the route                              its places, as far as 90 s                    by name
-    a mission, its target reported         that place, then on                           by name with leave, else cannot
+    a mission, its items read              its places from the present item on, its end  by name with leave, else cannot
+    a mission, its target reported         that place                                    by name with leave, else cannot
     RTL                                    up, home, down                                by name with leave, else cannot
     LAND                                   down                                          by name with leave, else cannot
     its pilot, anything else               its motion, and what it reaches               cannot
@@ -14,6 +15,7 @@ A vehicle that may not be commanded now (control, link, mode, its pilot), or who
 battery is low goes before all that can, also on a manoeuvre. Federation time, WGS-84, metres above mean sea level.
 """
 
+from collections.abc import Sequence
 from math import hypot
 from typing import Final, NamedTuple
 
@@ -35,6 +37,7 @@ from navigation.intents.intent import (
     IntentSource,
     RightOfWay,
 )
+from navigation.mission_plans import MissionItem, MissionStep
 from navigation.vehicle import (
     MISSION_MODES,
     MODES_OF,
@@ -59,6 +62,9 @@ _LAND_MODES, _RETURN_MODES = MODES_OF[LandOrder], MODES_OF[ReturnHomeOrder]
 _TAKE_OFF_MODES: Final = MODES_OF[TakeOffOrder]
 _BACKTRACKS, _STREAMED = "SMART_RTL", "OFFBOARD"
 _STANDS_M_S: Final = 1.0
+_CONTINUED: Final = frozenset({MissionStep.FLY_TO, MissionStep.TAKE_OFF})
+_SAME_M, _SAME_UP_M = 10.0, 5.0
+"""So near to its item the target is that a vehicle reports in a mission; else the items have changed."""
 
 
 class _Way(NamedTuple):
@@ -123,8 +129,10 @@ class OwnIntent:
             return self._return(fix)
         target = pilot.targets.told if pilot.targets.tells(pilot.now_us) else None
         towards = None if target is None else IntendedPlace(*target[1:4])
-        if mode in MISSION_MODES or mode in _TAKE_OFF_MODES:
-            source = IntentSource.MISSION if mode in MISSION_MODES else IntentSource.TAKE_OFF
+        if mode in MISSION_MODES:
+            return self._mission(fix, pilot.item, towards) or _Way(IntentSource.MISSION, (), IntentEnding.OPEN)
+        if mode in _TAKE_OFF_MODES:
+            source = IntentSource.TAKE_OFF
             return _Way(source, (), IntentEnding.OPEN) if towards is None else _Way(source, (towards,))
         if pilot.diversion is not None and pilot.kept_aside is not None:
             return self._aside(fix, pilot.kept_aside)
@@ -172,10 +180,51 @@ class OwnIntent:
     def _aside(self, fix: Fix, aside: Order | InterruptedMission) -> _Way:
         """What it did before it made room, and will do again."""
         if isinstance(aside, InterruptedMission):
-            return _Way(IntentSource.MISSION, () if aside.towards is None else (IntendedPlace(*aside.towards[:3]),))
+            towards = None if aside.towards is None else IntendedPlace(*aside.towards[:3])
+            return self._mission(fix, aside.item, towards) or _Way(IntentSource.MISSION)
         is_ours = isinstance(aside, ENDINGS) or aside == self._pilot.standing
         source = IntentSource.ORDER if is_ours else IntentSource.STATION
         return self._ordered(fix, aside, source) or _Way(source)
+
+    def _mission(self, fix: Fix, item: int | None, towards: IntendedPlace | None) -> _Way | None:
+        """Its mission from that item on; to its target alone where the items are others by now. None: neither is known."""
+        ahead = [] if item is None else [each for each in self._pilot.loaded if each.item >= item]
+        legs, ending = self._mission_legs(fix, ahead)
+        is_flown = bool(legs) and (towards is None or _leads_to(ahead[0], towards))
+        if is_flown:
+            return _Way(IntentSource.MISSION, legs, ending)
+        return None if towards is None else _Way(IntentSource.MISSION, (towards,))
+
+    def _mission_legs(self, fix: Fix, ahead: Sequence[MissionItem]) -> tuple[tuple[IntendedPlace, ...], IntentEnding]:
+        """The places of its items as far as `AHEAD_S`, and what follows the last one; up to an item that is not known."""
+        legs: list[IntendedPlace] = []
+        at, left_m = _place(fix), AHEAD_S * max(self._fastest_m_s, SPEED_M_S)
+        ending = IntentEnding.HOVER
+        for each in ahead:
+            more, ending = self._item_legs(at, each)
+            legs += more
+            for to in more:
+                left_m -= distance_m(at.latitude_deg, at.longitude_deg, to.latitude_deg, to.longitude_deg)
+                at = to
+            if each.step not in _CONTINUED or left_m < 0.0 or len(legs) >= MOST_LEGS:
+                break
+        return tuple(legs[:MOST_LEGS]), ending if len(legs) <= MOST_LEGS else IntentEnding.HOVER
+
+    def _item_legs(self, at: IntendedPlace, item: MissionItem) -> tuple[tuple[IntendedPlace, ...], IntentEnding]:
+        """The places of one item that begins at `at`, and what follows if it is the last one."""
+        to = at
+        if item.latitude_deg is not None and item.longitude_deg is not None:
+            to = to._replace(latitude_deg=item.latitude_deg, longitude_deg=item.longitude_deg)
+        if item.altitude_m is not None:
+            to = to._replace(altitude_m=item.altitude_m)
+        match item.step:
+            case MissionStep.RETURN:
+                return self._return_legs(at)
+            case MissionStep.LAND:
+                return ((self._below(to),) if to == at else (to, self._below(to))), IntentEnding.LAND
+            case MissionStep.UNKNOWN:
+                return (), IntentEnding.HOVER
+        return (to,), IntentEnding.HOVER
 
     def _landing(self, fix: Fix) -> _Way:
         return _Way(IntentSource.LANDING, (self._below(_place(fix)),), IntentEnding.LAND)
@@ -217,9 +266,9 @@ class OwnIntent:
         return failsafe.in_offboard if status is not None and status.mode == _STREAMED else failsafe.action
 
     def _contingency(
-        self, here: IntendedPlace, source: IntentSource, legs: tuple[IntendedPlace, ...]
+        self, here: IntendedPlace, source: IntentSource, legs: tuple[IntendedPlace, ...], speed_m_s: float
     ) -> Contingency | None:
-        """What its autopilot does on a lost link; None: it flies its legs to their end."""
+        """What its autopilot does on a lost link, from where it is by then; None: it flies its legs to their end."""
         failsafe = self._pilot.failsafe
         if source in {IntentSource.LANDING, IntentSource.RETURN, IntentSource.GROUND}:
             return None
@@ -228,11 +277,12 @@ class OwnIntent:
             several = len(legs) > 1 and source in {IntentSource.ROUTE, IntentSource.MANOEUVRE}
             return Contingency(0.0, legs[:1], IntentEnding.HOVER) if several else None
         delay_s = min(max(0.0, failsafe.delay_s or 0.0), MOST_DELAY_S)
+        there = _flown(here, legs, delay_s * speed_m_s)
         match action:
             case LinkLossAction.RETURN:
-                return Contingency(delay_s, *self._return_legs(here))
+                return Contingency(delay_s, *self._return_legs(there))
             case LinkLossAction.LAND | LinkLossAction.TERMINATE:
-                return Contingency(delay_s, (self._below(here),), IntentEnding.LAND)
+                return Contingency(delay_s, (self._below(there),), IntentEnding.LAND)
         return Contingency(delay_s, (), IntentEnding.HOVER)
 
     def _made(
@@ -246,7 +296,7 @@ class OwnIntent:
             speed = order.speed_m_s
         elif self._fastest_m_s > 1.0:
             speed = self._fastest_m_s
-        contingency = self._contingency(here, source, legs)
+        contingency = self._contingency(here, source, legs, fix.speed_m_s)
         return Intent(
             fix.valid_us, *here, fix.north_m_s, fix.east_m_s, fix.down_m_s, source, rank, legs, ending,
             max(0.5, min(60.0, speed)), max(CLIMB_M_S, min(20.0, self._climb_m_s)),
@@ -256,6 +306,34 @@ class OwnIntent:
 
 def _place(fix: Fix) -> IntendedPlace:
     return IntendedPlace(fix.latitude_deg, fix.longitude_deg, fix.altitude_m)
+
+
+def _flown(here: IntendedPlace, legs: Sequence[IntendedPlace], left_m: float) -> IntendedPlace:
+    """Where it is on its legs `left_m` metres farther on; at their end it stands."""
+    at = here
+    for to in legs:
+        leg_m = distance_m(at.latitude_deg, at.longitude_deg, to.latitude_deg, to.longitude_deg)
+        if leg_m > left_m:
+            share = left_m / leg_m
+            east_deg = (to.longitude_deg - at.longitude_deg + 180.0) % 360.0 - 180.0
+            return IntendedPlace(
+                at.latitude_deg + share * (to.latitude_deg - at.latitude_deg),
+                (at.longitude_deg + share * east_deg + 180.0) % 360.0 - 180.0,
+                at.altitude_m + share * (to.altitude_m - at.altitude_m),
+            )
+        at, left_m = to, left_m - leg_m
+    return at
+
+
+def _leads_to(item: MissionItem, towards: IntendedPlace) -> bool:
+    """Whether a vehicle that flies the item has that target."""
+    if item.step in {MissionStep.LAND, MissionStep.RETURN}:
+        return True
+    if item.altitude_m is None or abs(item.altitude_m - towards.altitude_m) > _SAME_UP_M:
+        return False
+    if item.latitude_deg is None or item.longitude_deg is None:
+        return True
+    return distance_m(item.latitude_deg, item.longitude_deg, *towards[:2]) <= _SAME_M
 
 
 def _route(plan: FlightPlan, leg: int, fix: Fix) -> tuple[IntendedPlace, ...]:

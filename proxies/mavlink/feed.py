@@ -23,7 +23,8 @@ from navigation.vehicle import (
 )
 from proxies.mavlink.condition import VehicleCondition
 from proxies.mavlink.device_clock import DeviceClock
-from proxies.mavlink.fence_list import FenceList, speaks_mavlink_2
+from proxies.mavlink.lists.item_list import speaks_mavlink_2
+from proxies.mavlink.lists.vehicle_lists import VehicleLists
 from proxies.mavlink.orders import Errands, OrderOutcome
 from proxies.mavlink.port import TOO_MUCH_TRAFFIC, MavlinkPort
 from proxies.mavlink.reports import VehicleReports, device_us, flight_mode, is_autopilot, tells_time
@@ -69,7 +70,7 @@ class MavlinkFeed:
         self._errands, self._lock = Errands(), threading.Lock()
         self._condition = VehicleCondition(self.port.hearing, sysid, compid)
         self._asking = Requests()
-        self._fence_list, self._has_lists = FenceList(), False
+        self._lists, self._has_lists = VehicleLists(), False
         self._traffic, self._refused = TrafficHearing(), 0
         self._ask_us = 0
         self._reboots = 0
@@ -125,9 +126,9 @@ class MavlinkFeed:
             with self._lock:
                 outcome = self._errands.on_ack(message, _wall_us())
             self._perform(outcome)
-        if self._fence_list.on_message(message):
-            self._post(self.known.fence(self._fence_list.areas, arrival_us))
-        self._ask_fence(_wall_us())
+        for report in self._lists.on_message(message, self.known, arrival_us):
+            self._post(report)
+        self._read_lists(_wall_us())
         valid_us = self.clock.valid_us(device_us(message), arrival_us, witness=tells_time(message))
         if self.clock.reboots != self._reboots:
             self._reboots = self.clock.reboots
@@ -155,7 +156,7 @@ class MavlinkFeed:
         self._perform(outcome)
         if self._requests and self._condition.is_heard and monotonic_us >= self._ask_us:
             self._ask(monotonic_us)
-        self._ask_fence(monotonic_us)
+        self._read_lists(monotonic_us)
         news = self._condition.on_time(self.system, self.port, self.known, self._asking, monotonic_us)
         self._report_traffic(monotonic_us)
         if news is not None:
@@ -182,7 +183,7 @@ class MavlinkFeed:
         """The vehicle is new to us, or may have forgotten our requests."""
         self._positioned = self._homed = False
         self._asking.restart()
-        self._fence_list.restart()
+        self._lists.restart()
         self._ask_us = _wall_us()
 
     def _ask(self, monotonic_us: int) -> None:
@@ -196,13 +197,13 @@ class MavlinkFeed:
         for message in asked:
             self.port.send(target.system, message)
 
-    def _ask_fence(self, monotonic_us: int) -> None:
-        """Read on in the list of its fence, and say what is wrong with it."""
+    def _read_lists(self, monotonic_us: int) -> None:
+        """Read on in its fence and its mission, and report what is wrong with them."""
         if not (self._requests and self._has_lists and self._condition.is_heard) or self.system is None:
             return
-        for message in self._fence_list.due(self._target(self.system), monotonic_us):
+        for message in self._lists.due(self._target(self.system), monotonic_us):
             self.port.send(self.system, message)
-        for problem in self._fence_list.take_problems():
+        for problem in self._lists.take_problems():
             self._post(StationReport(self._now_us(), commands=False, text=f"system {self.system}: {problem}"))
 
     def _perform(self, outcome: OrderOutcome) -> None:

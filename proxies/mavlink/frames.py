@@ -12,7 +12,7 @@ from typing import Any, NamedTuple
 
 from pymavlink.dialects.v20 import ardupilotmega as mavlink
 
-from proxies.mavlink.fence_list import FENCE_NAMES
+from proxies.mavlink.lists.item_list import LIST_NAMES
 from proxies.mavlink.reports import DESCRIBING
 from proxies.mavlink.traffic import TRAFFIC_NAMES
 
@@ -22,7 +22,7 @@ _HEAD = 10
 _MOST_DAMAGED = 64
 _SIGNED, _SIGNATURE = 1, 13
 
-_NAMES = {*DESCRIBING, *TRAFFIC_NAMES, *FENCE_NAMES, "SYSTEM_TIME", "COMMAND_ACK"}
+_NAMES = {*DESCRIBING, *TRAFFIC_NAMES, *LIST_NAMES, "SYSTEM_TIME", "COMMAND_ACK"}
 WANTED = frozenset(number for number, kind in mavlink.mavlink_map.items() if kind.msgname in _NAMES)
 """The allow-list of message ids."""
 

@@ -41,6 +41,7 @@ from dyknow.network.process import Outcome
 from federation.transport import WireEvent
 from navigation.fences import FenceArea, FenceKind
 from navigation.heard_aircraft import HeardAircraft
+from navigation.mission_plans import MissionItem, MissionStep
 from navigation.vehicle import ImageDetection, LinkLossAction, Report
 from proxies.recordings.event_fields import made, shown
 from proxies.recordings.mcap_records import McapItem, McapRecords, Unread
@@ -66,6 +67,7 @@ _KINDS: dict[str, type[Any]] = {
         ImageDetection,
         FenceArea,
         HeardAircraft,
+        MissionItem,
         *get_args(HostEvent),
         Reported,
         LeaveRequested,
@@ -85,7 +87,7 @@ _KINDS: dict[str, type[Any]] = {
     )
 }
 _EVENTS = frozenset(get_args(Event))
-_WORDS: dict[str, type[Enum]] = {"LinkLossAction": LinkLossAction, "FenceKind": FenceKind}
+_WORDS: dict[str, type[Enum]] = {kind.__name__: kind for kind in (LinkLossAction, FenceKind, MissionStep)}
 """Enumerations that fields of events have."""
 
 

@@ -6,7 +6,7 @@ from pymavlink.dialects.v20 import all as mavlink
 
 from navigation.fences import FenceArea
 from navigation.geodesy import LocalFrame
-from proxies.mavlink.fence_list import FenceItem, read_areas
+from proxies.mavlink.lists.fence_list import FenceItem, read_areas
 from sim_uavs.autopilot.link import Message
 from sim_uavs.autopilot.personas import Persona
 from sim_uavs.autopilot.points import FRAMES, local_point

@@ -3,6 +3,8 @@
 from enum import StrEnum
 from typing import NamedTuple
 
+from navigation.geodesy import LocalFrame
+from navigation.mission_plans import MissionItem, MissionStep
 from sim_uavs.dynamics.quadcopter import Vector
 
 
@@ -30,3 +32,29 @@ class MissionProgress(NamedTuple):
     item: int = 0
     reached_us: int | None = None
     complete: bool = False
+
+
+_STEPS = {
+    MissionAction.FLY_TO: MissionStep.FLY_TO,
+    MissionAction.TAKE_OFF: MissionStep.TAKE_OFF,
+    MissionAction.LAND: MissionStep.LAND,
+    MissionAction.RETURN: MissionStep.RETURN,
+}
+
+
+def flown_items(items: tuple[Item, ...], frame: LocalFrame) -> tuple[MissionItem, ...]:
+    """The items that fly the vehicle, as an autopilot reports them."""
+    found = []
+    for at, item in enumerate(items):
+        if item.action not in _STEPS:
+            continue
+        step = MissionStep.STAY if item.stay_us is None else _STEPS[item.action]
+        shown = MissionItem(at, step)
+        if item.point is not None:
+            latitude_deg, longitude_deg, altitude_m = frame.from_ned(*item.point)
+            if step is not MissionStep.TAKE_OFF:
+                shown = shown._replace(latitude_deg=latitude_deg, longitude_deg=longitude_deg)
+            if step is not MissionStep.LAND:
+                shown = shown._replace(altitude_m=altitude_m)
+        found.append(shown)
+    return tuple(found)

@@ -12,12 +12,14 @@ from navigation import vehicle
 from navigation.cameras.pinhole import Attitude, PanTilt
 from navigation.geodesy import LocalFrame
 from navigation.heard_aircraft import HeardAircraft
+from navigation.mission_plans import MissionPlanReport
 from sim_uavs.cameras.mount import Mount, MountLimits
 from sim_uavs.dynamics.aircraft import PassingAircraft, PassingTraffic
 from sim_uavs.dynamics.faults import ActiveFaults, FaultSchedule, SimulatedFault, spoil
 from sim_uavs.dynamics.fences import FlightFence
 from sim_uavs.dynamics.flight import GUIDED_MODES, Flight, FlightAnswer, GoingTo, Mode
 from sim_uavs.dynamics.link_loss import OWN_STATION, LinkFailsafe
+from sim_uavs.dynamics.missions import Item, flown_items
 from sim_uavs.dynamics.quadcopter import ZERO, Vector
 from sim_uavs.dynamics.sensors import GpsReading, next_wander, read_gps
 from sim_uavs.dynamics.settings import VehicleConfig
@@ -209,6 +211,7 @@ class SimulatedVehicle(SensedFlight):
         super().__init__(config, now_us, report_us)
         self._phase_us = phase_us
         self._reports = 0
+        self._loaded: tuple[Item, ...] = ()
         self.deadline_us = self._next_us(now_us)
 
     def _next_us(self, now_us: int) -> int:
@@ -287,6 +290,9 @@ class SimulatedVehicle(SensedFlight):
             found.append(vehicle.TargetReport(stamp_us, *self._frame.from_ned(*flight.target.point)))
         if flight.items:
             found.append(vehicle.MissionReport(stamp_us, flight.progress.item))
+        if flight.items is not self._loaded:
+            self._loaded = flight.items
+            found.append(MissionPlanReport(stamp_us, flown_items(flight.items, self._frame)))
         return [*found, self.fence.report(stamp_us)]
 
     def on_command(self, command: vehicle.Command, now_us: int, stamp_us: int) -> list[tuple[int, vehicle.Report]]:

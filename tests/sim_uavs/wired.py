@@ -10,8 +10,8 @@ from typing import Any, NamedTuple
 from pymavlink.dialects.v20 import ardupilotmega as mavlink
 
 from navigation.vehicle import Command, HoldOrder, HomeReport, Order, Report
-from proxies.mavlink.fence_list import FenceList
 from proxies.mavlink.frames import Cutter
+from proxies.mavlink.lists.vehicle_lists import VehicleLists
 from proxies.mavlink.orders import Errands, OrderOutcome
 from proxies.mavlink.reports import VehicleReports
 from proxies.mavlink.requests import Requests
@@ -59,7 +59,7 @@ class WiredVehicle:
         self._requests, self._ask_us = Requests() if asks else None, 0
         self._target = Target(config.system_id, mavlink.MAV_COMP_ID_AUTOPILOT1)
         self._is_homed = False
-        self.fence_list = FenceList()
+        self.lists = VehicleLists()
         self._order: Order = HoldOrder()
         self._reports: list[Report] = []
         self._stamp_us = now_us
@@ -85,7 +85,7 @@ class WiredVehicle:
         self._hear(self.autopilot.on_time(now_us - self._phase_us), now_us)
         self._perform(self._errands.on_time(now_us), now_us)
         self._ask(now_us)
-        self._ask_fence(now_us)
+        self._read_lists(now_us)
         return self._heard()
 
     def on_command(self, command: Command, now_us: int, stamp_us: int) -> list[tuple[int, Report]]:
@@ -108,9 +108,8 @@ class WiredVehicle:
             if self._requests is not None and self._requests.on_ack(message):
                 self._ask_us = now_us
             self._perform(self._errands.on_ack(message, now_us), now_us)
-        if self.fence_list.on_message(message):
-            self._reports.append(self._known.fence(self.fence_list.areas, self._stamp_us))
-        self._ask_fence(now_us)
+        self._reports += self.lists.on_message(message, self._known, self._stamp_us)
+        self._read_lists(now_us)
         for report in self._known.reports(message, self._stamp_us):
             self._is_homed |= isinstance(report, HomeReport)
             self._reports.append(report)
@@ -125,10 +124,10 @@ class WiredVehicle:
         data = bytes(message.pack(self._sender, force_mavlink1=self._is_mavlink_1))
         self._hear(self.autopilot.on_bytes(data, _PLATFORM, now_us - self._phase_us), now_us)
 
-    def _ask_fence(self, now_us: int) -> None:
-        """Read on in the list of its fence as the feed does."""
+    def _read_lists(self, now_us: int) -> None:
+        """Read on in its fence and its mission as the feed does."""
         if self._requests is not None and self._known.autopilot is not None and not self._is_mavlink_1:
-            for message in self.fence_list.due(self._target, now_us):
+            for message in self.lists.due(self._target, now_us):
                 self._send(message, now_us)
 
     def _ask(self, now_us: int) -> None:

@@ -1,114 +1,46 @@
-"""The intent of the own vehicle: each line of its table, and what comes instead on a lost link."""
+"""The intent of the own vehicle: each line of its table."""
 
 import pytest
 
 from agents.flight.pilot import Pilot
-from agents.flight.places import FlightPlan, Waypoint
+from agents.flight.places import FlightPlan
 from agents.separation.own_intent import AHEAD_S, OwnIntent
-from agents.separation.records import INTENT, intent_of, intent_value
-from dyknow import Sample
 from navigation.geodesy import distance_m
 from navigation.intents.intent import (
     MOST_LEGS,
     Contingency,
     IntendedPlace,
-    Intent,
     IntentEnding,
     IntentSource,
     RightOfWay,
 )
 from navigation.vehicle import (
     BatteryReport,
-    Command,
-    CommandResult,
     FailsafeReport,
     GoToOrder,
     HoldOrder,
-    HomeReport,
     LandOrder,
-    LinkLossAction,
     MissionReport,
     ReturnHomeOrder,
-    StatusReport,
     TargetReport,
 )
-
-HOME_M = 50.0
-HOME = IntendedPlace(58.0, 15.0, HOME_M)
-FLIES = StatusReport(0, armed=True, guided=True, airborne=True, mode="GUIDED")
-HERE = IntendedPlace(58.001, 15.0, 100.0)
-NEAR, FAR = Waypoint(58.002, 15.0, 100.0), Waypoint(58.003, 15.0, 110.0)
-TARGET = TargetReport(0, 58.004, 15.001, 90.0)
-LAND_MODES, RETURN_MODES, MISSION_MODES = ("LAND", "AUTO.LAND"), ("RTL", "AUTO.RTL"), ("AUTO", "AUTO.MISSION")
-
-
-class Flown:
-    """A vehicle 100 m above the sea, 111 m north of its home, 50 m above it, and what its platform makes of its reports."""
-
-    def __init__(
-        self, plan: FlightPlan | None = None, *, control: bool = True, missions: bool = False, may_avoid: bool = True
-    ) -> None:
-        self.pilot = Pilot(control=control, plan=plan, missions=missions)
-        self.own = OwnIntent(self.pilot, may_avoid=may_avoid)
-        self.pilot.on_report(HomeReport(0, *HOME), 0)
-        self.pilot.on_report(FLIES, 0)
-        self.commands = self.at(0)
-
-    def at(
-        self, now_us: int, place: IntendedPlace = HERE, north_m_s: float = 0.0, down_m_s: float = 0.0
-    ) -> list[Command]:
-        estimate = (*place, north_m_s, 0.0, down_m_s)
-        return self.pilot.on_estimate(Sample(now_us, now_us, estimate))
-
-    def mode(self, mode: str, *, guided: bool = False) -> None:
-        self.pilot.on_report(FLIES._replace(mode=mode, guided=guided), self.pilot.now_us)
-
-    def does(self, commands: list[Command]) -> None:
-        """The vehicle accepts them."""
-        for command in commands:
-            self.pilot.on_report(CommandResult(0, command.number, True, ""), self.pilot.now_us)
-
-    def intent(self, manoeuvre: tuple[IntendedPlace, ...] | None = None) -> Intent:
-        """What it publishes; that is the same after writing and reading."""
-        found = self.own.now(manoeuvre)
-        assert found is not None
-        same_after_writing(found)
-        return found
-
-    def way(self) -> tuple[IntentSource, tuple[IntendedPlace, ...], IntentEnding]:
-        intent = self.intent()
-        return intent.source, intent.legs, intent.ending
-
-
-def same_after_writing(intent: Intent) -> None:
-    value = intent_value(intent)
-    assert isinstance(value, tuple)
-    assert all(len(each) <= 1024 for each in value if isinstance(each, str))
-    again = intent_of(Sample(intent.at_us, intent.at_us, value))
-    assert again is not None, f"others do not read this {INTENT}"
-    same_legs(again.legs, intent.legs)
-    assert (again.contingency is None) is (intent.contingency is None)
-    if again.contingency is not None and intent.contingency is not None:
-        same_legs(again.contingency.legs, intent.contingency.legs)
-        assert again.contingency.ending is intent.contingency.ending
-        assert again.contingency.after_s == pytest.approx(intent.contingency.after_s, abs=0.06)
-    assert again._replace(legs=(), contingency=None) == intent._replace(legs=(), contingency=None)
-
-
-def same_legs(some: tuple[IntendedPlace, ...], others: tuple[IntendedPlace, ...]) -> None:
-    assert len(some) == len(others)
-    for one, other in zip(some, others, strict=True):
-        assert one[:2] == pytest.approx(other[:2], abs=1e-7)
-        assert one.altitude_m == pytest.approx(other.altitude_m, abs=0.06)
-
-
-def place(where: Waypoint | TargetReport | GoToOrder) -> IntendedPlace:
-    return IntendedPlace(*where[1:4]) if isinstance(where, TargetReport) else IntendedPlace(*where[:3])
-
-
-def hovers(source: IntentSource, *legs: IntendedPlace) -> tuple[IntentSource, tuple[IntendedPlace, ...], IntentEnding]:
-    return source, legs, IntentEnding.HOVER
-
+from tests.agents.separation.own_flight import (
+    FAR,
+    FLIES,
+    HERE,
+    HOME,
+    HOME_M,
+    LAND_MODES,
+    MISSION_MODES,
+    NEAR,
+    RETURN_MODES,
+    TARGET,
+    Flown,
+    aside,
+    hovers,
+    line,
+    place,
+)
 
 # -- the table -----------------------------------------------------------------------------------------------------
 
@@ -195,10 +127,6 @@ def test_without_any_target_it_stands_where_it_stands_and_else_may_do_anything()
 
 
 # -- routes --------------------------------------------------------------------------------------------------------
-
-
-def line(count: int, step_deg: float) -> tuple[Waypoint, ...]:
-    return tuple(Waypoint(58.001 + step_deg * (1 + number), -115.1234567, 100.0) for number in range(count))
 
 
 def test_of_a_long_route_the_places_that_are_reached_within_the_time_are_legs() -> None:
@@ -353,16 +281,6 @@ def test_one_whose_battery_is_low_goes_first(fraction: float, rank: RightOfWay) 
 # -- while it gives way --------------------------------------------------------------------------------------------
 
 
-def aside(flown: Flown) -> tuple[IntentSource, tuple[IntendedPlace, ...], IntentEnding]:
-    """Its way without others while it flies a diversion."""
-    (command,) = flown.pilot.divert(80.0)
-    flown.does([command])
-    if flown.pilot.status != FLIES:
-        flown.mode("GUIDED", guided=True)
-    flown.pilot.on_report(TargetReport(0, *HERE[:2], 80.0), flown.pilot.now_us)
-    return flown.way()
-
-
 def test_the_way_without_others_is_what_it_flew_before_it_gave_way() -> None:
     flown = Flown(FlightPlan((NEAR, FAR)))
     assert aside(flown) == hovers(IntentSource.ROUTE, place(NEAR), place(FAR))
@@ -398,70 +316,3 @@ def test_a_return_and_a_landing_that_are_interrupted_are_the_way_without_others(
     before = flown.way()
     assert aside(flown) == before
     assert before[2] is IntentEnding.LAND
-
-
-# -- a lost link ---------------------------------------------------------------------------------------------------
-
-
-def contingency(action: LinkLossAction | None, delay_s: float | None = 5.0) -> Contingency | None:
-    flown = Flown(FlightPlan((NEAR, FAR)))
-    flown.pilot.on_report(FailsafeReport(0, action, delay_s, LinkLossAction.RETURN), 0)
-    return flown.intent().contingency
-
-
-OVER = HOME._replace(altitude_m=100.0)
-CARRIED_OUT = Contingency(0.0, (place(NEAR),), IntentEnding.HOVER)
-
-
-@pytest.mark.parametrize(
-    ("action", "expected"),
-    [
-        (None, CARRIED_OUT),
-        (LinkLossAction.CARRY_ON, CARRIED_OUT),
-        (LinkLossAction.HOLD, Contingency(5.0, (), IntentEnding.HOVER)),
-        (LinkLossAction.RETURN, Contingency(5.0, (OVER, HOME), IntentEnding.LAND)),
-        (LinkLossAction.LAND, Contingency(5.0, (HERE._replace(altitude_m=HOME_M),), IntentEnding.LAND)),
-        (LinkLossAction.TERMINATE, Contingency(5.0, (HERE._replace(altitude_m=HOME_M),), IntentEnding.LAND)),
-    ],
-)
-def test_a_lost_link_is_what_the_parameters_say(action: LinkLossAction | None, expected: Contingency) -> None:
-    assert contingency(action) == expected
-
-
-@pytest.mark.parametrize(("delay_s", "after_s"), [(None, 0.0), (12.5, 12.5), (-3.0, 0.0), (1e9, 3600.0)])
-def test_a_delay_that_is_not_known_is_none_and_a_strange_one_is_bounded(delay_s: float | None, after_s: float) -> None:
-    found = contingency(LinkLossAction.HOLD, delay_s)
-    assert found is not None
-    assert found.after_s == after_s
-
-
-def test_without_parameters_the_order_under_way_is_carried_out_and_of_one_leg_that_is_the_intent_itself() -> None:
-    assert Flown(FlightPlan((NEAR, FAR))).intent().contingency == CARRIED_OUT
-    assert Flown(FlightPlan((NEAR,))).intent().contingency is None
-
-
-def test_in_a_mission_and_where_targets_are_streamed_other_parameters_count() -> None:
-    flown = Flown(missions=True)
-    action = LinkLossAction.RETURN, 5.0, LinkLossAction.CARRY_ON, LinkLossAction.LAND
-    flown.pilot.on_report(FailsafeReport(0, *action), 0)
-    flown.mode("OFFBOARD", guided=True)
-    assert flown.intent().contingency == Contingency(5.0, (HERE._replace(altitude_m=HOME_M),), IntentEnding.LAND)
-    flown.mode("AUTO")
-    assert flown.intent().contingency is None
-    flown.pilot.on_report(FailsafeReport(0, *action[:2], LinkLossAction.HOLD), 0)
-    assert flown.intent().contingency == Contingency(5.0, (), IntentEnding.HOVER)
-
-
-@pytest.mark.parametrize("mode", [*LAND_MODES, *RETURN_MODES])
-def test_a_landing_and_a_return_need_no_link(mode: str) -> None:
-    flown = Flown()
-    flown.pilot.on_report(FailsafeReport(0, LinkLossAction.HOLD, 5.0), 0)
-    flown.mode(mode)
-    assert flown.intent().contingency is None
-
-
-def test_a_return_to_a_home_that_is_not_known_may_lead_anywhere() -> None:
-    flown = Flown(FlightPlan((NEAR, FAR)))
-    flown.pilot.on_report(FailsafeReport(0, LinkLossAction.RETURN, 5.0), 0)
-    flown.pilot.bounds.forget()
-    assert flown.intent().contingency == Contingency(5.0, (), IntentEnding.OPEN)

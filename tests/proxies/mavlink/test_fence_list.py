@@ -6,7 +6,7 @@ import pytest
 from pymavlink.dialects.v20 import ardupilotmega as mavlink
 
 from navigation.fences import FenceArea, FenceKind
-from proxies.mavlink.fence_list import MOST_CORNERS, FenceItem, FenceList, read_areas
+from proxies.mavlink.lists.fence_list import MOST_CORNERS, FenceItem, FenceList, read_areas
 from proxies.mavlink.ways import OURSELVES, Target
 
 VEHICLE, FENCE = Target(1, 1), mavlink.MAV_MISSION_TYPE_FENCE

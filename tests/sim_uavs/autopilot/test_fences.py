@@ -33,7 +33,7 @@ def fenced(persona: PersonaName, *areas: FenceArea) -> Piloted:
     flown.settings.fence_kinds = 4.0
     flown.settings.fence_highest_m = flown.settings.fence_radius_m = 1000.0
     upload(flown, areas)
-    flown.vehicle.fence_list.restart()
+    flown.vehicle.lists.restart()
     flown.pilot.on_report(FenceReport(0, areas=areas, is_union=persona == "px4"), flown.now_us)
     flown.run(1.0)
     return flown
@@ -109,7 +109,7 @@ def test_the_platform_reads_it_over_the_wire_and_offers_it(persona: PersonaName)
     name, one = ("GF_ACTION", 1.0) if persona == "px4" else ("FENCE_ENABLE", 1.0)
     kind = next(each for each in flown.vehicle.autopilot._persona.parameters if each.name == name)
     flown.vehicle._send(mavlink.MAVLink_param_set_message(1, 1, name.encode(), value(kind, one), 6), flown.now_us)
-    flown.vehicle.fence_list.restart()
+    flown.vehicle.lists.restart()
     flown.run(2.0)
     fence = flown.pilot.bounds.fence
     assert fence is not None

@@ -2,6 +2,9 @@
 
 from typing import TypeVar
 
+import pytest
+
+from navigation.mission_plans import MissionItem, MissionPlanReport, MissionStep
 from navigation.vehicle import FailsafeReport, FenceReport, LinkLossAction, MissionReport
 from sim_uavs.dynamics.flight import Mode
 from sim_uavs.dynamics.missions import Item, MissionAction
@@ -49,3 +52,27 @@ def test_it_reports_that_it_carries_on_without_its_link_which_is_what_it_does() 
     vehicle = flown(VehicleSettings(return_m=35.0))
     report = reports(vehicle, FailsafeReport, 1.0)[0]
     assert (report.action, report.in_mission, report.return_height_m) == (*(LinkLossAction.CARRY_ON,) * 2, 35.0)
+
+
+def test_the_places_of_its_mission_are_reported_when_they_change() -> None:
+    vehicle = flown()
+    assert reports(vehicle, MissionPlanReport, 2.0) == []
+    vehicle.flight.items = (
+        Item(MissionAction.SET_SPEED, speed_m_s=3.0),
+        Item(MissionAction.FLY_TO, Vector(0.0, 0.0, -40.0)),
+        Item(MissionAction.FLY_TO, Vector(0.0, 0.0, -30.0), stay_us=None),
+        Item(MissionAction.TAKE_OFF, Vector(0.0, 0.0, -20.0)),
+        Item(MissionAction.LAND, Vector(0.0, 0.0, 0.0)),
+        Item(MissionAction.RETURN),
+    )
+    (report,) = reports(vehicle, MissionPlanReport, 5.0)
+    expected = (
+        MissionItem(1, MissionStep.FLY_TO, 58.0, 15.0, 90.0), MissionItem(2, MissionStep.STAY, 58.0, 15.0, 80.0),
+        MissionItem(3, MissionStep.TAKE_OFF, altitude_m=70.0), MissionItem(4, MissionStep.LAND, 58.0, 15.0),
+        MissionItem(5, MissionStep.RETURN),
+    )  # fmt: skip
+    assert len(report.items) == len(expected)
+    for item, wanted in zip(report.items, expected, strict=True):
+        assert item == pytest.approx(wanted, abs=1e-6)
+    vehicle.flight.items = ()
+    assert [report.items for report in reports(vehicle, MissionPlanReport, 2.0)] == [()]
