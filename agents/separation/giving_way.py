@@ -20,15 +20,14 @@ from agents.part import Part
 from agents.separation.encounter_log import EncounterLog
 from agents.separation.logic import STEPS, SeparationLogic
 from agents.separation.neighbourhood import Neighbourhood
-from agents.separation.neighbours import Traffic3D
+from agents.separation.neighbours import Traffic3D, tube_of
 from agents.separation.neither import NeitherAlarms
+from agents.separation.often import PURSUES, PURSUES_US, REPORTS, REPORTS_US, Often
 from agents.separation.records import legs_of, legs_text
 from agents.separation.situation import (
     Fly,
     GoOn,
     LeaveTo,
-    Manoeuvre,
-    ManoeuvreState,
     Neither,
     Over,
     Propose,
@@ -42,7 +41,7 @@ from federation.messages.acts import Act, Performative
 from federation.messages.contents import Avoid, Content, Reason
 from navigation.intents.intent import IntendedPlace, Intent, IntentEnding, IntentSource, RightOfWay
 from navigation.intents.meeting import MINIMA, clearance, closeness
-from navigation.intents.path import FlatOrigin, FlatPlace, flat_legs, motion_of, nominal, performance_of
+from navigation.intents.path import FlatOrigin, FlatPlace, flat_legs, motion_of, performance_of
 from navigation.vehicle import Command
 from reasoning import AlarmEvent
 
@@ -96,7 +95,8 @@ class GivingWay(Part):
         self._log, self._emit, self._note, self._may_avoid = log, emit, note, may_avoid
         self.logic, self.refused = SeparationLogic(unit), Counter[str]()
         self._origin: FlatOrigin | None = None
-        self._neither = NeitherAlarms(unit, note, on_alarm)
+        self._neither = NeitherAlarms(unit, on_alarm, note)
+        self._reports, self._pursuits = Often(REPORTS, REPORTS_US), Often(PURSUES, PURSUES_US)
         self._seen: object = None
 
     @property
@@ -123,27 +123,31 @@ class GivingWay(Part):
         if self._neighbourhood.is_watched:
             situation = self._situation(fix)
             if situation is None:
-                self._land(now_us)
+                self._end_all(now_us)
             else:
                 met = set(self.logic.meetings)
                 self._do(self._contain.call(self.logic.look, situation, otherwise=[]), now_us)
                 for unit in self.logic.meetings.keys() - met:
                     self._log.begin(unit, now_us)
-        elif self.logic.meetings or self.logic.manoeuvre is not None:
+                self._end_stray(now_us, may_command=not situation.cannot)
+        else:
             self._end_all(now_us)
+            self._end_stray(now_us, may_command=True)
         self._neighbourhood.publish(now_us)
-
-    def _land(self, now_us: int) -> None:
-        """The vehicle is on the ground: it meets nobody."""
-        self._do(self.logic.forget(list(self.logic.meetings)), now_us)
-        self.logic.manoeuvre = self._neighbourhood.manoeuvre = None
 
     def _end_all(self, now_us: int) -> None:
         """No task keeps vehicles apart now, or the vehicle is on the ground."""
         self._do(self.logic.forget(list(self.logic.meetings)), now_us)
-        if self.logic.manoeuvre is not None:
+        self.logic.manoeuvre = self._neighbourhood.manoeuvre = None
+
+    def _end_stray(self, now_us: int, *, may_command: bool) -> None:
+        """What the vehicle still flies of a manoeuvre that is over: it was on the ground or could not be commanded then."""
+        if self._is_flown:
+            return
+        self._neighbourhood.manoeuvre = None
+        if may_command and self._pilot.diversion is not None and not self.logic.meetings:
             self.logic.manoeuvre = None
-            self._do([GoOn(())], now_us)
+            self._go_on((), now_us)
 
     def _situation(self, fix: Fix) -> Situation | None:
         """What is known now; None: the vehicle is on the ground."""
@@ -196,15 +200,17 @@ class GivingWay(Part):
         """
         other = act.sender.unit
         try:
-            what = self._answer(other, content, now_us)
+            what = self._answer(other, content)
         except Refused as refused:
             self.refused[refused.code or "cannot"] += 1
-            self._tell(f"{self._unit} refuses to avoid {other}: {refused.reason}", now_us)
+            if self._reports.allows(other, now_us):
+                self._tell(f"{self._unit} refuses to avoid {other}: {refused.reason}", now_us)
             raise
-        self._tell(f"{self._unit} agrees with {other}: {what}", now_us)
+        if self._reports.allows(other, now_us):
+            self._tell(f"{self._unit} agrees with {other}: {what}", now_us)
         self._agent.done(act, now_us)
 
-    def _answer(self, other: str, content: Avoid, now_us: int) -> str:
+    def _answer(self, other: str, content: Avoid) -> str:
         fix = self._pilot.fix
         if set(content.units) != {self._unit, other}:
             raise Refused("the manoeuvre is not between the two of us", "not-a-participant")
@@ -228,12 +234,13 @@ class GivingWay(Part):
             raise Refused("the vehicle is on the ground or not armed", "grounded")
         if content.because is not None:
             return self._take(other, content.because, legs, situation)
-        return self._hear(other, legs, situation, now_us)
+        return self._hear(other, legs, situation)
 
     def _take(self, other: str, because: str, legs: tuple[IntendedPlace, ...], now: Situation) -> str:
         """It leaves the meeting to us, if there is one on the way that it flies on."""
         known = self._neighbourhood.others.by_unit[other]
-        known.intent = known.intent._replace(rank=RightOfWay.CANNOT, legs=legs)
+        if known.said:
+            known.intent = known.intent._replace(rank=RightOfWay.CANNOT, legs=legs)
         now = now._replace(traffic=self._traffic(now))
         if not self.logic.meets(now, other) <= SOON_S:
             raise Refused(f"nothing here shows that {other} comes near", "no-evidence")
@@ -251,7 +258,7 @@ class GivingWay(Part):
         speed = max(now.performance.speed_m_s, fix.speed_m_s)
         return self._neighbourhood.others.near(origin, fix, speed, now.now_us, STEPS)
 
-    def _hear(self, other: str, legs: tuple[IntendedPlace, ...], now: Situation, now_us: int) -> str:
+    def _hear(self, other: str, legs: tuple[IntendedPlace, ...], now: Situation) -> str:
         """What it will fly: refused where it meets the manoeuvre that we fly, or a way of ours that cannot be changed."""
         known = self._neighbourhood.others.by_unit[other]
         proposed = known.intent._replace(
@@ -263,16 +270,15 @@ class GivingWay(Part):
         )
         if self._is_met(proposed, now):
             raise Refused(f"it meets what {self._unit} flies", "not-free")
-        known.intent = proposed
-        known.heard_us = max(known.heard_us, self._clock.federation_us(now_us))
+        if known.said:  # its positions stand for one that publishes no intent, or one that they contradict
+            known.intent = proposed
         return f"{other} makes room"
 
     def _is_met(self, proposed: Intent, now: Situation) -> bool:
         origin = self._origin
         if origin is None:
             return False
-        age_steps = max(0, round((now.now_us - proposed.at_us) / 500_000))
-        tube = nominal(proposed, origin, STEPS + age_steps)[:, age_steps:]
+        tube = tube_of(proposed, origin, now.now_us, STEPS)
         own = self.logic.flown(now)
         return clearance(closeness(own, tube[None], MINIMA)) < 1.0
 
@@ -357,6 +363,16 @@ class GivingWay(Part):
         self._neighbourhood.manoeuvre = places
         if step.is_new:
             self._tell(f"{self._unit} {step.words} for {', '.join(step.units)}", now_us)
+            for unit in step.units:
+                self._count_pursuit(unit, now_us)
+
+    def _count_pursuit(self, unit: str, now_us: int) -> None:
+        """One for which we make room again and again may do that on purpose: users are to judge it."""
+        if self._pursuits.count(unit, now_us) >= PURSUES:
+            self._pursuits.forget(unit)
+            self._tell(
+                f"{self._unit} has made room for {unit} {PURSUES} times within a minute: it may be following", now_us
+            )
 
     def _go_on(self, units: tuple[str, ...], now_us: int) -> None:
         self._neighbourhood.manoeuvre = None
@@ -382,8 +398,8 @@ class GivingWay(Part):
 
     @property
     def _is_flown(self) -> bool:
-        manoeuvre: Manoeuvre | None = self.logic.manoeuvre
-        return manoeuvre is not None and manoeuvre.state is ManoeuvreState.FLOWN
+        manoeuvre = self.logic.manoeuvre
+        return manoeuvre is not None and manoeuvre.flown is not None
 
     def _not_flown(self, reason: str, now_us: int, *, overtaken: bool) -> None:
         self._tell(f"{self._unit} does not fly its manoeuvre: {reason}", now_us)

@@ -12,7 +12,8 @@ Two meet when their tubes lose the minima within `LOOK_S`. Of two the later in t
 
 and of our own manoeuvre:
 
-    PROPOSED   to those that we meet, for half a second at most             all agree, or are silent: FLOWN; one refuses: again
+    PROPOSED   to those that we meet, for half a second at most; what was   all agree, or are silent: FLOWN; one refuses: again;
+               flown before is flown meanwhile                              the reason is gone: what was flown before
     FLOWN      it is commanded, place by place                               refused, overtaken, unseen: we cannot, for 5 s
                our own way has been free of all others for half a second     over: we fly on
 """
@@ -103,8 +104,8 @@ class SeparationLogic:
 
     def flown(self, now: Situation) -> Tube:
         """What it flies now, from now on."""
-        manoeuvre = self.manoeuvre
-        if manoeuvre is not None and manoeuvre.state is ManoeuvreState.FLOWN:
+        manoeuvre = None if self.manoeuvre is None else self.manoeuvre.flown
+        if manoeuvre is not None:
             return fly(now.motion, manoeuvre.places, IntentEnding.HOVER, now.performance, STEPS)
         return fly(now.motion, now.legs, now.ending, now.performance, STEPS)
 
@@ -146,7 +147,7 @@ class SeparationLogic:
         if theirs is RightOfWay.CANNOT or meeting.is_left:
             return True
         own, manoeuvre = now.rank, self.manoeuvre
-        if manoeuvre is not None and manoeuvre.state is ManoeuvreState.FLOWN:
+        if manoeuvre is not None and manoeuvre.flown is not None:
             own = min(own, RightOfWay.COMMITTED)
         if (own, unit_order(self.unit)) > (theirs, unit_order(unit)):
             return True
@@ -178,6 +179,7 @@ class SeparationLogic:
         proposed: list[Step] = [Propose(unit, found) for unit in asked]
         if not asked or seconds <= URGENT_S or self._refusals >= MOST_ASKED:
             return [*proposed, *self._begin(now, made)]
+        made.before = manoeuvre
         self.manoeuvre = made
         return proposed
 
@@ -209,7 +211,7 @@ class SeparationLogic:
 
     def _begin(self, now: Situation, manoeuvre: Manoeuvre) -> list[Step]:
         manoeuvre.state, manoeuvre.since_us, self.manoeuvre = ManoeuvreState.FLOWN, now.now_us, manoeuvre
-        self._refusals = 0
+        self._refusals, manoeuvre.before = 0, None
         again = tuple(sorted(unit for unit in manoeuvre.units if self._count(unit, now.now_us) == OFTEN))
         waits: list[Step] = [Waits(again)] if again else []
         return [*waits, Fly(manoeuvre.places[0], True, manoeuvre.planned.words, tuple(sorted(manoeuvre.units)))]
@@ -240,7 +242,7 @@ class SeparationLogic:
     def _return(self, now: Situation, manoeuvre: Manoeuvre) -> list[Step]:
         """Fly on as soon as the own way has been free for a moment."""
         if manoeuvre.state is ManoeuvreState.PROPOSED:  # the reason is gone before it was flown
-            self.manoeuvre = None
+            self.manoeuvre = manoeuvre.before
             return []
         if now.now_us < manoeuvre.since_us + LEAST_US:
             return []
@@ -321,7 +323,7 @@ class SeparationLogic:
         manoeuvre = self.manoeuvre
         if manoeuvre is not None and manoeuvre.state is ManoeuvreState.PROPOSED and unit in manoeuvre.awaited:
             self._refusals += 1
-            self.manoeuvre, self._planned_us = None, now_us - AGAIN_US // 2
+            self.manoeuvre, self._planned_us = manoeuvre.before, now_us - AGAIN_US // 2
 
     def on_left(self, unit: str, now: Situation) -> str | None:
         """It leaves the meeting to us; returns why we do not take it, or None."""
@@ -330,7 +332,7 @@ class SeparationLogic:
         if meeting is None:
             meeting = self.meetings[unit] = PairMeeting(now.now_us, seconds, seen_us=now.now_us)
         because = now.cannot or self.cannot
-        if not because and plan(self._yielding(now, everything=True)) is None:
+        if not because and not meeting.is_left and plan(self._yielding(now, everything=True)) is None:
             because = NOTHING_FREE
         if because:
             return because

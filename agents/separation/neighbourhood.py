@@ -86,6 +86,7 @@ class Neighbourhood(Part):
         self._sent_us = 0
         self._silent: dict[str, AlarmEvent] = {}
         self._left_us: dict[str, int] = {}
+        self._offered_us: dict[str, int] = {}
         self._due_us: int | None = 0
 
     # -- the own intent ----------------------------------------------------------------------------------------
@@ -161,10 +162,7 @@ class Neighbourhood(Part):
             )
         federation_us = self._clock.federation_us(now_us)
         if watched:
-            for unit in present - offering:
-                fix = fix_of(self._gateway, unit)
-                if fix is not None:
-                    self.others.see(unit, fix, federation_us)
+            self._see(present, offering, federation_us)
             self._see_aircraft(federation_us)
         for unit, until_us in list(self._left_us.items()):
             known = self.others.by_unit.get(unit)
@@ -192,6 +190,16 @@ class Neighbourhood(Part):
         for identity in self._aircraft - seen:
             self.others.forget(identity)
         self._aircraft = seen
+
+    def _see(self, present: set[str], offering: set[str], federation_us: int) -> None:
+        """Compare positions with intents; they alone count of one that publishes no intent, soon after it has offered it."""
+        self._offered_us = {unit: self._offered_us.get(unit, federation_us) for unit in offering}
+        for unit in present:
+            is_due = federation_us - self._offered_us.get(unit, 0) > TELLS_US or unit in self.others.by_unit
+            fix = fix_of(self._gateway, unit) if is_due else None
+            problem = None if fix is None else self.others.see(unit, fix, federation_us)
+            if problem is not None:
+                self._note(problem)
 
     def _offers(self, unit: str) -> bool:
         entry = self._directory.entry(unit)

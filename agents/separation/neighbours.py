@@ -7,6 +7,7 @@ Federation time.
 
 from collections.abc import Iterable
 from dataclasses import dataclass, field
+from math import hypot
 from typing import Final, NamedTuple
 
 import numpy as np
@@ -26,6 +27,10 @@ MOST_OWN_M: Final = 30.0
 """No vehicle claims more room for itself than that: what it says is cut down to it."""
 LEAP_M, LEAP_M_S = 50.0, 60.0
 CREDIBLE_US: Final = 3_000_000
+CONTRADICTIONS: Final = 3
+"""Looks running in which positions contradict an intent, or come without one, before they stand for it: one may be an outlier."""
+APART_M, APART_UP_M, MOVES_M_S, ASTRAY_M_S = 25.0, 12.0, 3.0, 6.0
+"""How far apart position and intent of one moment may be, and how much more for each second between them."""
 """One that has leapt is traffic where it was last until it has been credible for so long."""
 ALTITUDE_LEAP_M, ALTITUDE_LEAP_M_S = 6.0, 12.0
 WORD_US: Final = 1_000_000
@@ -41,7 +46,8 @@ class Neighbour:
 
     Attributes:
         intent: its newest word; heard_us: when that, or its position, came.
-        said: whether it has published an intent itself.
+        said: whether it is taken by an intent of its own; False: by its positions.
+        contradicted: how many looks its positions have contradicted its intent; belied_us: when its positions last contradicted its intent; it is taken by them until that is `CREDIBLE_US` ago.
         leapt_us: when it was last somewhere where no vehicle gets so fast; the intent before stands then.
         cannot: why it does not avoid us, in its own words, since `cannot_us`; empty: it has reported nothing of the kind.
     """
@@ -51,6 +57,8 @@ class Neighbour:
     heard_us: int
     said: bool = True
     leapt_us: int | None = None
+    belied_us: int | None = None
+    contradicted: int = 0
     candidate: Intent | None = None
     cannot: str = ""
     cannot_us: int = 0
@@ -86,6 +94,12 @@ class Neighbour:
         return found
 
 
+def tube_of(intent: Intent, origin: FlatOrigin, now_us: int, steps: int) -> Tube:
+    """Where its vehicle is from now on, however old the intent is."""
+    age_s = max(0.0, (now_us - intent.at_us) / 1e6)
+    return later(nominal(intent, origin, min(_LONGEST, steps + int(age_s / STEP_S) + 1)), age_s, steps)
+
+
 class Traffic3D(NamedTuple):
     """The tubes of several neighbours: an array of (K, 5, steps), with whose each is, and whether it is the nominal one."""
 
@@ -105,6 +119,9 @@ class Neighbours:
         """An intent that a member has published; returns in words why it is not believed, the first time."""
         intent = _bounded(intent)
         known = self.by_unit.get(unit)
+        if known is not None and known.belied_us is not None and now_us - known.belied_us < CREDIBLE_US:
+            known.candidate = intent
+            return None
         if known is None or not known.said:
             self._put(Neighbour(unit, intent, now_us))
             return None
@@ -126,24 +143,48 @@ class Neighbours:
             known.candidate = known.leapt_us = None
         return None
 
-    def see(self, unit: str, fix: Fix, now_us: int, radius_m: float = 1.0, half_height_m: float = 0.5) -> None:
-        """Where a member is that has published no intent, or an aircraft that is no member: it is taken by its motion."""
-        known = self.by_unit.get(unit)
-        if known is not None and known.said:
-            return
+    def see(self, unit: str, fix: Fix, now_us: int, radius_m: float = 1.0, half_height_m: float = 0.5) -> str | None:
+        """Where a member is by its positions: they count where it publishes no intent, or one that they contradict.
+
+        Returns that contradiction in words, the first time.
+        """
+        known, problem = self.by_unit.get(unit), None
+        is_fresh, is_mute = now_us - fix.valid_us <= SILENT_US, False
+        if known is None and not is_fresh:
+            return None
+        if known is not None:
+            if is_fresh and (known.said or known.candidate is not None):
+                problem = contradiction(known.candidate or known.intent, fix)
+                is_mute = known.said and known.leapt_us is None and known.intent.is_airborne and known.is_silent(now_us)
+            known.contradicted = known.contradicted + 1 if problem is not None or is_mute else 0
+            if known.said and known.contradicted < CONTRADICTIONS:
+                return None
         intent = Intent(
             fix.valid_us, fix.latitude_deg, fix.longitude_deg, fix.altitude_m, fix.north_m_s, fix.east_m_s,
             fix.down_m_s, IntentSource.STRAIGHT, RightOfWay.CANNOT, (), IntentEnding.OPEN,
             radius_m=min(MOST_OWN_M, radius_m), half_height_m=min(MOST_OWN_M, half_height_m),
         )  # fmt: skip
         if known is None:
-            self._put(Neighbour(unit, intent, now_us, said=False))
-        elif fix.valid_us > known.intent.at_us:
-            known.intent, known.heard_us = intent, now_us
+            known = Neighbour(unit, intent, now_us, said=False)
+            self._put(known)
+        elif known.said or fix.valid_us > known.intent.at_us:
+            known.candidate = known.intent if known.said and problem is not None else known.candidate
+            known.intent, known.heard_us, known.said, known.leapt_us = intent, now_us, False, None
+        if problem is None:
+            return None
+        is_news, known.belied_us = known.belied_us is None, now_us
+        self.left_out["contradiction"] = self.left_out.get("contradiction", 0) + 1
+        return (
+            f"the positions of {unit} contradict its intent: {problem}; it is taken by its positions"
+            if is_news
+            else None
+        )
 
     def _put(self, neighbour: Neighbour) -> None:
+        self.by_unit.pop(neighbour.unit, None)
         while len(self.by_unit) >= MOST:
-            del self.by_unit[min(self.by_unit.values(), key=lambda each: each.heard_us).unit]
+            first = min(self.by_unit.values(), key=lambda each: (each.intent.is_airborne, each.heard_us))
+            del self.by_unit[first.unit]
         self.by_unit[neighbour.unit] = neighbour
 
     def forget(self, unit: str) -> None:
@@ -167,7 +208,8 @@ class Neighbours:
         for each in self.airborne():
             intent = each.intent
             away_m = distance_m(own.latitude_deg, own.longitude_deg, intent.latitude_deg, intent.longitude_deg)
-            reach_m = (speed_m_s + max(intent.speed_m_s, 5.0)) * (seconds + min(each.age_s(now_us), 60.0)) + 100.0
+            fastest_m_s = max(intent.speed_m_s, hypot(intent.north_m_s, intent.east_m_s), 5.0)
+            reach_m = (speed_m_s + fastest_m_s) * (seconds + min(each.age_s(now_us), 60.0)) + 100.0
             if away_m > reach_m:
                 continue
             for at, tube in enumerate(each.tubes(origin, now_us, steps)):
@@ -182,6 +224,21 @@ def _bounded(intent: Intent) -> Intent:
     return intent._replace(
         radius_m=min(MOST_OWN_M, intent.radius_m), half_height_m=min(MOST_OWN_M, intent.half_height_m)
     )
+
+
+def contradiction(intent: Intent, fix: Fix) -> str | None:
+    """Whether a vehicle is somewhere else than its intent has it, or flies and claims to be on the ground, in words."""
+    if not intent.is_airborne:
+        moves_m_s = hypot(fix.speed_m_s, fix.down_m_s)
+        return f"it flies at {moves_m_s:.0f} m/s, and claims to be on the ground" if moves_m_s > MOVES_M_S else None
+    seconds = abs(fix.valid_us - intent.at_us) / 1e6
+    away_m = distance_m(intent.latitude_deg, intent.longitude_deg, fix.latitude_deg, fix.longitude_deg)
+    if away_m > APART_M + (max(intent.speed_m_s, hypot(intent.north_m_s, intent.east_m_s)) + ASTRAY_M_S) * seconds:
+        return f"they are {away_m:.0f} m apart"
+    up_m = abs(intent.altitude_m - fix.altitude_m)
+    if up_m > APART_UP_M + ALTITUDE_LEAP_M_S * seconds:
+        return f"they are {up_m:.0f} m apart in height"
+    return None
 
 
 def leap_of(before: Intent, after: Intent) -> str | None:

@@ -129,6 +129,7 @@ class Manoeuvre:
         units: those that it is for; awaited: those that have not answered.
         at: which place is flown to.
         waits: whether it was reported that there is no way round what is in the way.
+        before: what is flown while this one is proposed.
     """
 
     planned: PlannedManoeuvre
@@ -139,6 +140,12 @@ class Manoeuvre:
     at: int = 0
     free_since_us: int | None = None
     waits: bool = False
+    before: "Manoeuvre | None" = None
+
+    @property
+    def flown(self) -> "Manoeuvre | None":
+        """The one that the vehicle flies: this one, or that before it; None: its own way."""
+        return self if self.state is ManoeuvreState.FLOWN else self.before
 
     @property
     def places(self) -> tuple[FlatPlace, ...]:

@@ -52,7 +52,10 @@ class FlatOrigin(NamedTuple):
 
     def degrees(self, north_m: float, east_m: float) -> tuple[float, float]:
         """Latitude and longitude of what is so far north and east of it."""
-        return self.latitude_deg + north_m / self.north_m_per_deg, self.longitude_deg + east_m / self.east_m_per_deg
+        longitude_deg = self.longitude_deg + east_m / self.east_m_per_deg
+        if abs(longitude_deg) > 180.0:
+            longitude_deg = (longitude_deg + 180.0) % 360.0 - 180.0
+        return self.latitude_deg + north_m / self.north_m_per_deg, longitude_deg
 
 
 class FlatPlace(NamedTuple):
