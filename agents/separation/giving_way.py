@@ -98,6 +98,7 @@ class GivingWay(Part):
         self._neither = NeitherAlarms(unit, on_alarm, note)
         self._reports, self._pursuits = Often(REPORTS, REPORTS_US), Often(PURSUES, PURSUES_US)
         self._seen: object = None
+        self._ordered = -1
 
     @property
     def encounters(self) -> tuple[str, ...]:
@@ -145,7 +146,9 @@ class GivingWay(Part):
         if self._is_flown:
             return
         self._neighbourhood.manoeuvre = None
-        if may_command and self._pilot.diversion is not None and not self.logic.meetings:
+        diversion = self._pilot.diversion
+        is_ours = diversion is not None and diversion.command.number == self._ordered
+        if may_command and is_ours and not self.logic.meetings:
             self.logic.manoeuvre = None
             self._go_on((), now_us)
 
@@ -288,7 +291,9 @@ class GivingWay(Part):
         for step in steps:
             match step:
                 case Propose(unit, manoeuvre):
-                    self._propose(unit, Avoid(units=(self._unit, unit), legs=self._legs(manoeuvre.places)), now_us)
+                    self._propose(
+                        unit, Avoid(units=(self._unit, unit), legs=legs_text(self._places(manoeuvre.places))), now_us
+                    )
                 case LeaveTo(unit, reason):
                     self._tell(f"{self._unit} does not avoid {unit}, which is to do all of it: {reason}", now_us)
                     own = self._neighbourhood.own.now(None)
@@ -311,9 +316,6 @@ class GivingWay(Part):
         if origin is None:  # nothing was planned yet
             return ()
         return tuple(IntendedPlace(*origin.degrees(each.north_m, each.east_m), each.altitude_m) for each in places)
-
-    def _legs(self, places: Iterable[FlatPlace]) -> str:
-        return legs_text(self._places(places))
 
     def _propose(self, unit: str, content: Avoid, now_us: int) -> None:
         def on_reply(reply: Act, said: Content | None, at_us: int) -> None:
@@ -359,6 +361,7 @@ class GivingWay(Part):
             self._not_flown(refused.reason, now_us, overtaken=True)
             return
         for command in commands:
+            self._ordered = command.number
             self._emit(command)
         self._neighbourhood.manoeuvre = places
         if step.is_new:
