@@ -147,8 +147,7 @@ class GivingWay(Part):
             return
         self._neighbourhood.manoeuvre = None
         diversion = self._pilot.diversion
-        is_ours = diversion is not None and diversion.command.number == self._ordered
-        if may_command and is_ours and not self.logic.meetings:
+        if may_command and diversion and diversion.command.number == self._ordered and not self.logic.meetings:
             self.logic.manoeuvre = None
             self._go_on((), now_us)
 
