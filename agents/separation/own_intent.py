@@ -8,7 +8,7 @@
     a mission, its items read              its places from the present item on, its end  by name with leave, else cannot
     a mission, its target reported         that place                                    by name with leave, else cannot
     RTL                                    up, home, down                                by name with leave, else cannot
-    LAND                                   down                                          by name with leave, else cannot
+    LAND, a take-off                       down, up                                      landing with leave, else cannot
     its pilot, anything else               its motion, and what it reaches               cannot
 
 A vehicle that may not be commanded now (control, link, mode, its pilot), or whose platform may not give way, cannot; one whose
@@ -95,16 +95,16 @@ class OwnIntent:
             return self._made(fix, IntentSource.GROUND, RightOfWay.CANNOT, (), IntentEnding.HOVER)
         self._watch(fix)
         if manoeuvre is not None:
-            rank = min(self._rank(), RightOfWay.COMMITTED)
+            rank = min(self._rank(IntentSource.MANOEUVRE), RightOfWay.COMMITTED)
             return self._made(fix, IntentSource.MANOEUVRE, rank, manoeuvre, IntentEnding.HOVER)
         return self.without_others(fix)
 
     def without_others(self, fix: Fix) -> Intent:
         """What it would fly if there were no others."""
         source, legs, ending = self._way(fix)
-        return self._made(fix, source, self._rank(), legs, ending)
+        return self._made(fix, source, self._rank(source), legs, ending)
 
-    def _rank(self) -> RightOfWay:
+    def _rank(self, source: IntentSource) -> RightOfWay:
         pilot = self._pilot
         silent_us = pilot.now_us - pilot.heard_us
         is_commanded = unready(pilot.status, silent_us, control=pilot.control) is None and pilot.avoidance_off is None
@@ -112,7 +112,8 @@ class OwnIntent:
             return RightOfWay.CANNOT
         if pilot.battery is not None and pilot.battery.fraction <= LOW_BATTERY:
             return RightOfWay.URGENT
-        return RightOfWay.NAMED
+        lands = source in {IntentSource.LANDING, IntentSource.TAKE_OFF}
+        return RightOfWay.LANDING if lands else RightOfWay.NAMED
 
     def _watch(self, fix: Fix) -> None:
         """Learn how fast it flies; what was seen is forgotten slowly."""

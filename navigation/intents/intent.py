@@ -54,6 +54,7 @@ class RightOfWay(IntEnum):
     """It cannot be commanded: its pilot, a mission that may not be interrupted, RTL, LAND, silence, no member."""
     URGENT = 1
     LANDING = 2
+    """It lands or takes off, and may be commanded."""
     COMMITTED = 3
     """It flies an agreed manoeuvre: that is not changed for a newcomer while another one can yield."""
     NAMED = 4

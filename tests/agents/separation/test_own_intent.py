@@ -199,6 +199,9 @@ def test_landing_is_down_to_the_level_of_home(mode: str) -> None:
     flown.mode(mode)
     assert flown.way() == (IntentSource.LANDING, (HERE._replace(altitude_m=HOME_M),), IntentEnding.LAND)
     assert flown.intent().rank is RightOfWay.CANNOT
+    with_leave = Flown(missions=True)
+    with_leave.mode(mode)
+    assert with_leave.intent().rank is RightOfWay.LANDING
     flown.pilot.bounds.forget()
     assert flown.intent().legs[0].altitude_m <= 0.0, "the ground may be far below"
 

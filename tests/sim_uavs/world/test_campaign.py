@@ -95,7 +95,7 @@ def test_all_geometries_and_all_troubles_are_drawn_and_no_two_set_out_near_each_
         )
 
 
-@pytest.mark.parametrize("row", ["b19", "b20"])
+@pytest.mark.parametrize("row", ["b19", "b20", "b21"])
 def test_its_rows_of_the_benchmark_run(row: str) -> None:
     found = measured(row, Options(rounds=1, effort=0.01))
     assert {bar["what"] for bar in found["bars"]}

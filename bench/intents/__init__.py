@@ -1,0 +1,1 @@
+"""What keeping apart costs a platform."""
