@@ -35,7 +35,7 @@ AHEAD_US = 60_000_000
 
 
 AS_THEY_COME: Final = frozenset({"intent"})
-"""Labels whose samples say what is so now: those of a member whose clock is wrong are valid when they come."""
+"""Labels whose samples describe the present: from a member whose clock is wrong they are valid on arrival."""
 
 
 @dataclass(slots=True)

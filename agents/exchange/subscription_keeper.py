@@ -188,7 +188,7 @@ class SubscriptionKeeper(Part):
         }
 
     def _ask(self, unit: str, wanted: AbstractSet[tuple[str, int, int]], now_us: int) -> None:
-        """Ask for what is silent and what it was asked for before; what stood ends when all of that is agreed to."""
+        """Request the silent streams and those requested before; the old requests end once the new ones are agreed to."""
         if unit in self._asked_us:
             self._again_us[unit] = min(2 * self._again_us.get(unit, AGAIN_US // 2), AGAIN_MOST_US)
         self._asked_us[unit], self._asked_for[unit] = now_us, set(wanted)

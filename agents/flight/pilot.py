@@ -227,7 +227,7 @@ class Pilot(CommandedVehicle):
         return diversion.progress is OrderProgress.OVERTAKEN
 
     def _back_to(self, aside: vehicle.Order | InterruptedMission | None) -> vehicle.Order | None:
-        """What to order so that the vehicle does again what it did."""
+        """The order with which the vehicle resumes what it did before."""
         if isinstance(aside, InterruptedMission):
             self._item = aside.item
             return vehicle.ResumeMissionOrder()

@@ -23,7 +23,7 @@ from federation.members.clock import FederationClock
 LABELS: Final = ("heli-position", "heli-altitude", "heli-velocity", "heli-height", "intent")
 BEFORE_US, AFTER_US = 20_000_000, 5_000_000
 LONGEST_US: Final = 600_000_000
-"""What is longer is kept in several records."""
+"""An encounter that lasts longer is split over several records."""
 NOTES: Final = 500
 _LEVEL_INFO: Final = 2
 
@@ -90,7 +90,7 @@ class EncounterLog(Part):
         return self._due_us
 
     def on_time(self, now_us: int) -> None:
-        """Keep what is over."""
+        """Emit the records of encounters that have ended."""
         if self._due_us is None or now_us < self._due_us:
             return
         at_us = self._clock.federation_us(now_us)
@@ -135,7 +135,7 @@ class EncounterLog(Part):
                     )
 
     def _held(self, label: str, unit: str, from_us: int, until_us: int) -> list[Sample]:
-        """What is held of that time: a history may begin later."""
+        """The samples of that time that the history holds; it may begin later."""
         try:
             return self._gateway.between(label, from_us, until_us, until_us, unit)
         except ValueNotAvailable:

@@ -37,6 +37,8 @@ TELLS_US: Final = 3_000_000
 LEFT_US: Final = 60_000_000
 """How long one stays traffic whose platform has left in flight."""
 _OWN_US: Final = 2_000_000
+MOST_NOTED: Final = 256
+"""How many notes about intents that are left out there are, at most."""
 AIRCRAFT_M, AIRCRAFT_UP_M, UNKNOWN_HEIGHT_M = 15.0, 10.0, 20.0
 """What an aircraft that is no member gets besides what its place and height are known to."""
 
@@ -75,6 +77,7 @@ class Neighbourhood(Part):
         self._directory, self._agreements, self._gateway = directory, agreements, gateway
         self._coordination, self._pilot, self._raise, self._note = coordination, pilot, on_alarm, note
         self._traffic, self._aircraft = traffic, set[str]()
+        self._noted = set[tuple[str, str]]()
         self._has_vehicle = has_vehicle
         self.others = Neighbours()
         self.own = OwnIntent(pilot, may_avoid=may_avoid)
@@ -128,12 +131,19 @@ class Neighbourhood(Part):
             if found is not None:
                 self.take(unit, found, at_us)
             else:
-                self.others.left_out["intent"] = self.others.left_out.get("intent", 0) + 1
+                self._leave_out(unit, "intent", "it is no intent")
+
+    def _leave_out(self, unit: str, kind: str, why: str) -> None:
+        """Count what is not believed, and note it once a member."""
+        self.others.left_out[kind] = self.others.left_out.get(kind, 0) + 1
+        if (unit, kind) not in self._noted and len(self._noted) < MOST_NOTED:
+            self._noted.add((unit, kind))
+            self._note(f"an intent of {unit} is left out: {why}")
 
     def take(self, unit: str, intent: Intent, at_us: int) -> None:
         """What a member says it will do, at a time of the federation."""
         if intent.at_us > at_us + _OWN_US:
-            self.others.left_out["ahead of time"] = self.others.left_out.get("ahead of time", 0) + 1
+            self._leave_out(unit, "ahead of time", "it is ahead of time")
             return
         problem = self.others.take(unit, intent, at_us)
         if problem is not None:

@@ -4,6 +4,7 @@ No socket and no clock. MISSION_REQUEST_LIST brings MISSION_COUNT, and each MISS
 is requested again. A list is read when the vehicle is met, when it acknowledges an upload of another station, and once a minute.
 """
 
+from abc import ABC, abstractmethod
 from collections.abc import Sequence
 from enum import Enum, auto
 from typing import Any, Final, NamedTuple
@@ -35,7 +36,7 @@ class _Phase(Enum):
     READS = auto()
 
 
-class ItemList:
+class ItemList(ABC):
     """Reads one list of one vehicle, over and over.
 
     Args:
@@ -133,9 +134,9 @@ class ItemList:
         self._phase, self._acknowledges, self._attempts = _Phase.WAITS, True, 0
         return self._on_whole(self._items)
 
+    @abstractmethod
     def _on_whole(self, items: Sequence[ListItem]) -> bool:
         """Take a whole list; whether what it means has changed."""
-        raise NotImplementedError
 
     def _on_too_long(self) -> bool:
         """It is too long to be read; whether what it means has changed."""

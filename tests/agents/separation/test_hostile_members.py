@@ -114,6 +114,7 @@ def test_an_intent_that_is_none_is_counted(wire: Box) -> None:
         mine._network.push(mine._label, wire.now_us // 500_000 * 500_000 + 500_000, mine._to_local(value), wire.now_us)
         wire.run(0.3)
     assert part.others.left_out["intent"] >= 1
+    assert wire.nodes["0"].notes.count("an intent of 1 is left out: it is no intent") == 1
     assert wire.vehicle("0").commands == []
 
 

@@ -184,9 +184,17 @@ def test_words_of_others_are_text_on_the_screen() -> None:
 def test_a_tick_that_comes_while_the_screen_is_closed_draws_nothing() -> None:
     async def steps(app: TopApp, pilot: Any) -> None:
         await app.query_one(DataTable).remove()
+        before = len(taken)
         app.look()
+        assert len(taken) == before
 
-    drive(lambda: TopSnapshot("none", {"platforms": []}), steps)
+    def snapshot() -> TopSnapshot:
+        taken.append(None)
+        return TopSnapshot("none", {"platforms": []})
+
+    taken: list[None] = []
+    drive(snapshot, steps)
+    assert taken
 
 
 def test_what_platforms_say_of_others_is_not_shown_and_what_is_kept_is_bounded(world: Box) -> None:
