@@ -1,4 +1,4 @@
-"""`python -m bench.encounters [--only REGEX]`: fly encounters of ArduCopters, print the table, keep it as JSON.
+"""`python -m bench.encounters [--cases LIST] [--only REGEX]`: fly encounters of ArduCopters, print the table, keep it as JSON.
 
 Each is flown in real time, by platforms in processes of their own; `DYKNOW_SITL` names the folder with ArduCopter.
 """
@@ -15,28 +15,12 @@ from pathlib import Path
 from typing import Any
 
 from bench.encounters.arducopter import folder
-from bench.encounters.encounters import FAULTS, Case, Flown, flown
+from bench.encounters.cases import LISTS, Case
+from bench.encounters.encounters import flown
+from bench.encounters.judging import Flown
 from bench.machine import machine
 
 _RESULTS = Path(__file__).parent.parent / "results"
-
-
-def cases() -> list[Case]:
-    """Twenty that go well, with their seeds; then each fault at both speeds."""
-    pairs = [
-        Case(geometry, speed_m_s, 2, "none", seed)
-        for geometry in ("head-on", "crossing", "overtaking")
-        for speed_m_s in (5.0, 10.0)
-        for seed in (1, 2)
-    ]
-    threes = [
-        Case(geometry, speed_m_s, 3, "none", seed)
-        for geometry, seeds in (("head-on", (1, 2)), ("crossing", (1,)), ("overtaking", (1,)))
-        for speed_m_s in (5.0, 10.0)
-        for seed in seeds
-    ]
-    faults = [Case("head-on", speed_m_s, 2, fault, 3) for fault in FAULTS[1:] for speed_m_s in (5.0, 10.0)]
-    return pairs + threes + faults
 
 
 def line(found: Flown) -> str:
@@ -45,16 +29,19 @@ def line(found: Flown) -> str:
     neither = "" if found.neither_s is None else f"  neither can: {found.least_at_s - found.neither_s:.1f} s before"
     if found.told_s:
         neither += "  told " + " ".join("-" if told is None else f"{told:.1f} s" for told in found.told_s)
-    met = "met    " if found.met else "NOT met"
-    return f"{met}  {found.case.name:52}  {found.least_m:6.1f} m  x {factors:14}  stops {stops}{neither}"
+    met = ("met    " if found.met else "NOT met") if found.counts else "too slow"
+    apart = f"{found.least_m:6.1f} m ({found.level_m:.1f}, {found.upright_m:.1f})"
+    latency = " ".join("-" if each is None else f"{each:.2f}" for each in found.latency_s)
+    return f"{met}  {found.case.name:52}  {apart:24}  x {factors:14}  stops {stops}  latency {latency}{neither}"
 
 
 def _tried(case: Case) -> Flown:
-    """Fly it; a machine that was too busy to get it started gets a second try."""
+    """Fly it; a machine that was too busy to get it started, or to fly it in real time, gets a second try."""
     try:
-        return flown(case)
+        found = flown(case)
     except TimeoutError:
         return flown(case)
+    return found if found.counts else flown(case)
 
 
 def _commit() -> str:
@@ -65,6 +52,7 @@ def _commit() -> str:
 
 def main() -> int:
     parser = argparse.ArgumentParser(prog="python -m bench.encounters", description=(__doc__ or "").partition("\n")[0])
+    parser.add_argument("--cases", choices=LISTS, default="common", help="which list (common)")
     parser.add_argument("--only", default="", help="cases whose name matches this regular expression")
     parser.add_argument("--jobs", type=int, default=1, help="how many at once (1); the machine must keep up")
     parser.add_argument("--out", type=Path, default=_RESULTS, help="directory for the JSON")
@@ -80,11 +68,14 @@ def main() -> int:
     }  # fmt: skip
     results: list[dict[str, Any]] = report["encounters"]
     asked.out.mkdir(parents=True, exist_ok=True)
-    path = asked.out / f"{datetime.now(UTC):%Y%m%dT%H%M%S}-encounters.json"
+    path = (
+        asked.out
+        / f"{datetime.now(UTC):%Y%m%dT%H%M%S}-encounters{'' if asked.cases == 'common' else f'-{asked.cases}'}.json"
+    )
     with ProcessPoolExecutor(asked.jobs) as pool:
-        for found in pool.map(_tried, [case for case in cases() if re.search(asked.only, case.name)]):
+        for found in pool.map(_tried, [case for case in LISTS[asked.cases]() if re.search(asked.only, case.name)]):
             print(line(found), flush=True)
-            results.append({**asdict(found), "case": found.case._asdict(), "met": found.met})
+            results.append({**asdict(found), "case": found.case._asdict(), "met": found.met, "counts": found.counts})
             if not asked.tracks:
                 results[-1].pop("track")
             path.write_text(json.dumps(report, indent=1) + "\n", encoding="utf-8")

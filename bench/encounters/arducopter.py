@@ -1,4 +1,4 @@
-"""ArduCopter in the loop: the process, its ground station, and a tap on its link to the platform. Loopback only.
+"""ArduCopter in the loop: the process and its ground station. Loopback only.
 
 `DYKNOW_SITL` names the folder with the binary `arducopter` and its parameters `copter.parm` and `extra.parm`. Simulated
 time runs as fast as `speed` says: a start takes seconds, an encounter is flown in real time.
@@ -18,6 +18,8 @@ from pathlib import Path
 from typing import Any, NamedTuple
 
 from pymavlink.dialects.v20 import ardupilotmega as mavlink
+
+from bench.encounters.links import Tap, received, udp
 
 LATITUDE_DEG, LONGITUDE_DEG, GROUND_M = 56.2, 12.5, 50.0
 METRES_PER_DEG = 111_319.5
@@ -94,88 +96,6 @@ class Mode(NamedTuple):
     item: int
 
 
-class Sent(NamedTuple):
-    """A message of the platform to its autopilot."""
-
-    at_s: float
-    message: Any
-
-
-class Tap:
-    """Passes messages between autopilot and platform, notes the orders, and may lose or answer some.
-
-    Args:
-        refuses: every order is answered DENIED and does not arrive.
-        ack_loss: the part of acknowledgements that is lost.
-    """
-
-    def __init__(self, random_: random.Random, platform_port: int) -> None:
-        self.refuses, self.ack_loss, self.orders = False, 0.0, []
-        self._random = random_
-        self._vehicle, self._platform = _udp(), _udp()
-        self.vehicle_port: int = self._vehicle.getsockname()[1]
-        self.platform_port = platform_port
-        self._from: Any = None
-        self._parsers = [mavlink.MAVLink(None), mavlink.MAVLink(None)]
-        for parser in self._parsers:
-            parser.robust_parsing = True
-        self._reply = mavlink.MAVLink(None, srcComponent=1)
-        self._going = True
-        self._threads = [threading.Thread(target=each, daemon=True) for each in (self._down, self._up)]
-        for thread in self._threads:
-            thread.start()
-
-    orders: list[Sent]
-
-    def _down(self) -> None:
-        """From the autopilot to the platform."""
-        while (packet := _received(self._vehicle, lambda: self._going)) is not None:
-            payload, self._from = packet
-            for message in self._parsers[0].parse_buffer(payload) or ():
-                lost = message.get_type() == "COMMAND_ACK" and self._random.random() < self.ack_loss
-                if not lost:
-                    self._platform.sendto(bytes(message.get_msgbuf()), ("127.0.0.1", self.platform_port))
-
-    def _up(self) -> None:
-        """From the platform to the autopilot."""
-        while (packet := _received(self._platform, lambda: self._going)) is not None:
-            for message in self._parsers[1].parse_buffer(packet[0]) or ():
-                is_order = _is_order(message)
-                if is_order:
-                    self.orders.append(Sent(time.monotonic(), message))
-                if is_order and self.refuses:
-                    self._deny(message)
-                elif self._from is not None:
-                    self._vehicle.sendto(bytes(message.get_msgbuf()), self._from)
-
-    def _deny(self, order: Any) -> None:
-        command = getattr(order, "command", None)
-        if command is not None:
-            self._reply.srcSystem = order.target_system
-            denied = mavlink.MAVLink_command_ack_message(
-                command, mavlink.MAV_RESULT_DENIED, 0, 0, order.get_srcSystem(), order.get_srcComponent()
-            )
-            self._platform.sendto(denied.pack(self._reply), ("127.0.0.1", self.platform_port))
-
-    def close(self) -> None:
-        self._going = False
-        for thread in self._threads:
-            thread.join()
-        self._vehicle.close()
-        self._platform.close()
-
-
-def _is_order(message: Any) -> bool:
-    """What moves the vehicle or changes its mode."""
-    kind = message.get_type()
-    moving = {
-        mavlink.MAV_CMD_DO_REPOSITION, mavlink.MAV_CMD_DO_SET_MODE, mavlink.MAV_CMD_NAV_LAND,
-        mavlink.MAV_CMD_NAV_RETURN_TO_LAUNCH, mavlink.MAV_CMD_DO_SET_MISSION_CURRENT,
-    }  # fmt: skip
-    commands = kind in {"COMMAND_INT", "COMMAND_LONG"} and message.command in moving
-    return commands or kind in {"SET_POSITION_TARGET_GLOBAL_INT", "SET_MODE", "MISSION_SET_CURRENT"}
-
-
 class Copter:
     """One simulated vehicle with its ground station; `tap` is where its platform finds it.
 
@@ -183,10 +103,11 @@ class Copter:
         track: where it truly was.
         modes: its mode and mission item, each time one changed.
         target: what the ground station sends again every second, if anything; `streamed_s`: when it did.
+        route: where the ground station hears the platform, if that forwards; is_routed: it speaks to the vehicle there.
     """
 
-    def __init__(self, number: int, start: Place, directory: Path, seed: int = 0) -> None:
-        self.number, self.start, self.system = number, start, number + 1
+    def __init__(self, number: int, home: Place, directory: Path, seed: int = 0) -> None:
+        self.number, self.home, self.system = number, home, number + 1
         self._ports = Ports()
         self.tap = Tap(random.Random(f"tap {seed} {number}"), self._ports.platform)
         self.track: list[Seen] = []
@@ -194,7 +115,10 @@ class Copter:
         self.modes: list[Mode] = []
         self.target: Place | None = None
         self.streamed_s: list[float] = []
-        self._ground, self._answers = _udp(), threading.Condition()
+        self._ground, self._answers = udp(), threading.Condition()
+        self._route, self.is_routed = udp(), False
+        self._platform: Any = None
+        self.route: int = self._route.getsockname()[1]
         self._heard: dict[str, Any] = {}
         self._acks: list[Any] = []
         self._texts: list[str] = []
@@ -207,12 +131,12 @@ class Copter:
         self._going = True
         directory.mkdir(parents=True, exist_ok=True)
         self.process = self._launched(directory)
-        self._threads = [threading.Thread(target=each, daemon=True) for each in (self._listen, self._beat)]
+        self._threads = [threading.Thread(target=each, daemon=True) for each in (self._listen, self._beat, self._find)]
         for thread in self._threads:
             thread.start()
 
     def _launched(self, directory: Path) -> "subprocess.Popen[bytes]":
-        latitude_deg, longitude_deg = Place(self.start.north_m, self.start.east_m, 0.0).degrees
+        latitude_deg, longitude_deg = self.home.degrees
         here, ground = folder(), self._ground.getsockname()[1]
         with (directory / "sitl.log").open("wb") as log:
             return subprocess.Popen(
@@ -230,10 +154,15 @@ class Copter:
     # -- the ground station -------------------------------------------------------------------------------------
 
     def _listen(self) -> None:
-        while (packet := _received(self._ground, lambda: self._going)) is not None:
+        while (packet := received(self._ground, lambda: self._going)) is not None:
             payload, self._from = packet
             for message in self._parser.parse_buffer(payload) or ():
                 self._on_message(message)
+
+    def _find(self) -> None:
+        """Where the platform forwards from."""
+        while (packet := received(self._route, lambda: self._going)) is not None:
+            self._platform = packet[1]
 
     def _on_message(self, message: Any) -> None:
         kind = message.get_type()
@@ -278,7 +207,9 @@ class Copter:
             time.sleep(_STEP_S)
 
     def send(self, message: Any) -> None:
-        if self._from is not None:
+        if self.is_routed and self._platform is not None:
+            self._route.sendto(message.pack(self._codec), self._platform)
+        elif self._from is not None:
             self._ground.sendto(message.pack(self._codec), self._from)
 
     def _until(
@@ -358,7 +289,7 @@ class Copter:
 
     @property
     def place(self) -> Place:
-        return self.track[-1].place if self.track else self.start
+        return self.track[-1].place if self.track else self.home
 
     def take_off(self, up_m: float) -> None:
         """Boot, arm and rise, as fast as the machine simulates."""
@@ -416,15 +347,9 @@ class Copter:
             thread.join()
         self.tap.close()
         self._ground.close()
+        self._route.close()
         self._rc.close()
         self._ports.close()
-
-
-def _udp() -> socket.socket:
-    found = socket.socket(socket.AF_INET, socket.SOCK_DGRAM)
-    found.bind(("127.0.0.1", 0))
-    found.settimeout(0.2)
-    return found
 
 
 def _binds(here: socket.socket, port: int) -> bool:
@@ -438,11 +363,3 @@ def _binds(here: socket.socket, port: int) -> bool:
 def _is_free(port: int) -> bool:
     with socket.socket(socket.AF_INET, socket.SOCK_DGRAM) as probe:
         return _binds(probe, port)
-
-
-def _received(here: socket.socket, going: Callable[[], bool]) -> tuple[bytes, Any] | None:
-    """The next datagram; None when it is over."""
-    while going():
-        with suppress(TimeoutError, ConnectionRefusedError):
-            return here.recvfrom(65_535)
-    return None

@@ -5,7 +5,9 @@ Each takes about two minutes; the bench flies the whole list.
 
 import pytest
 
-from bench.encounters.encounters import LEAST_M, LONGEST, Case, Flown, flown
+from bench.encounters.cases import Case
+from bench.encounters.encounters import flown
+from bench.encounters.judging import LEAST_M, LONGEST, Flown
 from tests.live.vehicles.sitl import absence
 
 pytestmark = [pytest.mark.live, pytest.mark.full, pytest.mark.skipif(bool(absence()), reason=absence())]
