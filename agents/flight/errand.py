@@ -7,7 +7,7 @@ that the vehicle tells (POSITION_TARGET_GLOBAL_INT, where it tells one; for a mo
     SENT          the autopilot accepts it                                           ACKNOWLEDGED
     SENT          the autopilot refuses it in every way of saying it                 REFUSED, for good
     SENT, ACKN.   target (where one is reported) and motion show it                  FLOWN
-    SENT, ACKN.   2 s after it was sent they do not                                  UNSEEN
+    SENT, ACKN.   2 s after it was sent they do not; later where it has to turn       UNSEEN
     FLOWN         its motion has not shown it for 2 s, and it is not there           UNSEEN
     UNSEEN        they show it after all                                             FLOWN
     any but REF.  the vehicle has another target than this one and the one before,
@@ -43,6 +43,8 @@ from navigation.vehicle import (
 )
 
 SEEN_WITHIN_US = 2_000_000
+BRAKES_M_S2, TURNS_US = 2.5, 1_000_000
+"""How a vehicle brakes that has the target and flies away from it, and how much longer it takes to turn."""
 MODE_WITHIN_US = 4_000_000
 """A mode is reported once a second, and an order that changes it is repeated only after it was."""
 SETTLES_US = 1_000_000
@@ -141,7 +143,18 @@ class Errand:
             return None if self._modes or self._shown_us is None else self._shown_us + SEEN_WITHIN_US
         if not self._is_settled:
             return self.sent_us + SETTLES_US
-        return self.sent_us + (MODE_WITHIN_US if self._modes else SEEN_WITHIN_US)
+        return self.sent_us + (MODE_WITHIN_US if self._modes else SEEN_WITHIN_US + self._turning_us)
+
+    @property
+    def _turning_us(self) -> int:
+        """How much later the motion shows it of a vehicle that flew away from the place, and has taken it as its target."""
+        place, start = self._place(), self.start
+        if not self.in_target or self._stops or place is None or start is None:
+            return 0
+        north_m, east_m = _metres(start, place)
+        away_m = hypot(north_m, east_m)
+        recedes_m_s = -(start.north_m_s * north_m + start.east_m_s * east_m) / away_m if away_m > LEVEL_M else 0.0
+        return TURNS_US + round(recedes_m_s / BRAKES_M_S2 * 1e6) if recedes_m_s > 0.0 else 0
 
     # -- evidence ----------------------------------------------------------------------------------------------
 
@@ -289,13 +302,11 @@ class Errand:
         place, start = self._place(), self.start
         if place is None or start is None:
             return False
-        latitude_deg, longitude_deg, altitude_m = place
-        up_m = altitude_m - fix.altitude_m
+        up_m = place[2] - fix.altitude_m
         rises = abs(up_m) <= self._upright_m or -fix.down_m_s * up_m > 0.3 * abs(up_m)
         if self._stops:
             return rises and fix.speed_m_s <= max(1.0, 0.8 * start.speed_m_s)
-        north_m = (latitude_deg - fix.latitude_deg) * _M_PER_DEG
-        east_m = (longitude_deg - fix.longitude_deg) * _M_PER_DEG * cos(radians(fix.latitude_deg))
+        north_m, east_m = _metres(fix, place)
         away_m = hypot(north_m, east_m)
         # On a steep path the horizontal part is short, and flown slowly: its speed proves nothing then.
         nears = (
@@ -307,6 +318,12 @@ class Errand:
     def end(self, progress: OrderProgress, reason: str) -> None:
         """Nothing more comes of it."""
         self.progress, self.reason = progress, reason
+
+
+def _metres(fix: Fix, place: tuple[float, float, float]) -> tuple[float, float]:
+    """North and east from where the vehicle is to a place."""
+    east_per_deg = _M_PER_DEG * cos(radians(fix.latitude_deg))
+    return (place[0] - fix.latitude_deg) * _M_PER_DEG, (place[1] - fix.longitude_deg) * east_per_deg
 
 
 def is_at(target: TargetReport, other: TargetReport) -> bool:

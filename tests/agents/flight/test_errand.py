@@ -2,7 +2,7 @@
 
 import pytest
 
-from agents.flight.errand import MODE_WITHIN_US, SEEN_WITHIN_US, SETTLES_US, Errand, OrderProgress
+from agents.flight.errand import MODE_WITHIN_US, SEEN_WITHIN_US, SETTLES_US, TURNS_US, Errand, OrderProgress
 from agents.flight.places import Fix
 from navigation.vehicle import (
     NO_ANSWER,
@@ -256,3 +256,21 @@ def test_a_mode_that_does_not_come_is_unseen() -> None:
     lands.on_time(MODE_WITHIN_US)
     assert lands.has_failed
     assert "mode" in lands.reason
+
+
+def test_a_vehicle_that_has_to_turn_round_for_its_target_gets_the_time_to_brake() -> None:
+    back = accepted(errand(GoToOrder(57.9996, 15.0, 100.0), moving(north_m_s=2.5), tells_target=True))
+    back.on_target(TargetReport(0, 57.9996, 15.0, 100.0), 100_000)
+    back.on_time(SETTLES_US)
+    assert back.deadline_us == SEEN_WITHIN_US + TURNS_US + 1_000_000
+    back.on_fix(moving(north_m_s=1.0, north_m=3.0), SEEN_WITHIN_US)
+    back.on_time(SEEN_WITHIN_US)
+    assert back.progress is P.ACKNOWLEDGED
+    back.on_fix(moving(north_m_s=-1.0, north_m=3.0), SEEN_WITHIN_US + TURNS_US)
+    assert back.progress is P.FLOWN
+
+
+def test_one_that_has_not_taken_the_target_has_no_more_time_to_turn() -> None:
+    back = accepted(errand(GoToOrder(57.9996, 15.0, 100.0), moving(north_m_s=2.5)))
+    back.on_time(SETTLES_US)
+    assert back.deadline_us == SEEN_WITHIN_US
