@@ -73,14 +73,21 @@ def main() -> int:
         / f"{datetime.now(UTC):%Y%m%dT%H%M%S}-encounters{'' if asked.cases == 'common' else f'-{asked.cases}'}.json"
     )
     with ProcessPoolExecutor(asked.jobs) as pool:
-        for found in pool.map(_tried, [case for case in LISTS[asked.cases]() if re.search(asked.only, case.name)]):
+        flying = [
+            (case, pool.submit(_tried, case)) for case in LISTS[asked.cases]() if re.search(asked.only, case.name)
+        ]
+        for case, flight in flying:
+            if (wrong := flight.exception()) is not None:
+                print(f"not flown: {case.name}: {wrong}", flush=True)
+                continue
+            found = flight.result()
             print(line(found), flush=True)
             results.append({**asdict(found), "case": found.case._asdict(), "met": found.met, "counts": found.counts})
             if not asked.tracks:
                 results[-1].pop("track")
             path.write_text(json.dumps(report, indent=1) + "\n", encoding="utf-8")
     print(f"{sum(each['met'] for each in results)} of {len(results)} met; kept in {path}")
-    return 0 if all(each["met"] for each in results) else 1
+    return 0 if len(results) == len(flying) and all(each["met"] for each in results) else 1
 
 
 if __name__ == "__main__":

@@ -9,6 +9,8 @@ from bench.encounters.arducopter import Place
 HALF_M, UP_M, LOW_M = 120.0, 45.0, 20.0
 """`UP_M` is high enough to climb or to descend by 25 m between floor (10 m) and ceiling (120 m); `LOW_M` is not."""
 THERE_M: Final = 3.0
+YIELDS: Final = 1
+"""Of two that are equal the first by name goes first: what goes wrong with one of two goes wrong with the other."""
 LOOK_S, MEETING_M = 12.0, 15.0
 """A meeting is one that comes nearer than this so soon."""
 Begins: TypeAlias = Literal["goto", "AUTO", "RTL", "LAND", "land task", "hover"]
@@ -163,8 +165,6 @@ def legs(case: Case) -> list[Leg]:
         )
         if way.late_s:
             start = start._replace(north_m=start.north_m - way.late_s * speed)
-        if case.fault in FAULTS[1:] and not found:
-            start = start._replace(up_m=case.up_m + 3.0)  # the fault is that of vehicle 0, which is to climb
         begins = _begins(case, way, len(found))
         end = Place(way.end[0] * case.half_m + way.beside_m, way.end[1] * case.half_m, start.up_m)
         if way.start == way.end:
@@ -175,7 +175,7 @@ def legs(case: Case) -> list[Leg]:
 
 
 def _begins(case: Case, way: Way, number: int) -> Begins:
-    if case.fault.startswith("both AUTO") or (case.fault == "one AUTO" and number == 1):
+    if case.fault.startswith("both AUTO") or (case.fault == "one AUTO" and number == YIELDS):
         return "AUTO"
     return "RTL" if case.fault.startswith("both RTL") else way.begins
 

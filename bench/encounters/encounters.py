@@ -21,6 +21,7 @@ from bench.encounters.cases import (
     MEETING_M,
     THERE_M,
     TROUBLES,
+    YIELDS,
     Case,
     Leg,
     legs,
@@ -136,13 +137,13 @@ def flown(case: Case) -> Flown:
 
 
 def _prepare(case: Case, copters: Sequence[Copter]) -> None:
-    fences = {"fence": (copters[:1], case.up_m + 20.0), "fences 40 m": (copters, FENCE_M)}
+    fences = {"fence": ([copters[YIELDS]], case.up_m + 10.0), "fences 40 m": (copters, FENCE_M)}
     fenced, up_m = fences.get(case.fault, ((), 0.0))
     for copter in fenced:
         for name, value in (("FENCE_ALT_MAX", up_m), ("FENCE_TYPE", 1.0), ("FENCE_ENABLE", 1.0)):
             copter.set(name, value)
     if case.fault == "refuses":
-        copters[0].tap.refuses = True
+        copters[YIELDS].tap.refuses = True
     elif case.fault == "acks lost":
         for copter in copters:
             copter.tap.ack_loss = 0.3
@@ -170,7 +171,7 @@ class Flight:
         self._case, self._copters, self._fleet, self._centre, self._found = case, copters, fleet, centre, found
         self.routes, self.began_s = legs(case), 0.0
         self._task = centre.delegate("monitor-proximity", to="0", within="5s")
-        self._alarms = centre.alarms()
+        self._alarms, self._task_is_over = centre.alarms(), False
         most = LONGEST if case.fault not in LOW_FAULTS and case.up_m > 30.0 else _MOST
         self._most_s = max(_LEAST_S, most * max(alone_s)) + 15.0
         self._diverted_s: float | None = None
@@ -225,7 +226,7 @@ class Flight:
                 self._refused_s = self._now_s
         elif leg.begins == "goto":
             copter.goto(leg.end)
-        if self._case.fault == "both stream" or (self._case.fault == "streams" and copter.number == 0):
+        if self._case.fault == "both stream" or (self._case.fault == "streams" and copter.number == YIELDS):
             copter.target = leg.end
 
     def _hear(self) -> None:
@@ -234,9 +235,19 @@ class Flight:
                 self._found.notes.append((self._now_s, unit, str(event["text"])))
         while (alarm := self._alarms.get(0.0)) is not None:
             self._found.alarms.append((self._now_s, alarm.monitor, alarm.event, alarm.units))
-        while (said := self._task.events.get(0.0)) is not None:
-            if hasattr(said, "step"):
-                self._found.told.append((self._now_s, said.unit, said.step))
+        while (said := self._said()) is not None:
+            by, step = getattr(said, "unit", None), getattr(said, "step", None)
+            if by is not None and step is not None:
+                self._found.told.append((self._now_s, by, step))
+
+    def _said(self) -> Any:
+        """What the task reports; its platform may be gone by now."""
+        try:
+            return None if self._task_is_over else self._task.events.get(0.0)
+        except DyknowError as over:
+            self._task_is_over = True
+            self._found.events.append((self._now_s, str(over)))
+            return None
 
     def _are_there(self) -> bool:
         """All that can still arrive have; one that only hovers must have been left alone by then."""
@@ -260,18 +271,18 @@ class Flight:
             if self._case.fault in {"pilot takes over", "autopilot killed"}:
                 self._found.trouble_s = now_s
             if self._case.fault == "pilot takes over":
-                self._copters[0].set_mode("LOITER")
+                self._copters[YIELDS].set_mode("LOITER")
                 self._given_s = now_s + 8.0
             elif self._case.fault == "autopilot killed":
-                self._copters[0].kill()
+                self._copters[YIELDS].kill()
         if self._given_s is not None and now_s > self._given_s:
             self._count_after_takeover()
-            self._copters[0].set_mode("GUIDED")
+            self._copters[YIELDS].set_mode("GUIDED")
             self._given_s = float("inf")
 
     def _count_after_takeover(self) -> None:
         since_s = self.began_s + (self._acted_s or 0.0) + 0.5
-        self._found.after_takeover = sum(sent.at_s > since_s for sent in self._copters[0].tap.orders)
+        self._found.after_takeover = sum(sent.at_s > since_s for sent in self._copters[YIELDS].tap.orders)
 
     def _trouble(self, now_s: float) -> None:
         trouble = TROUBLES[self._case.fault]

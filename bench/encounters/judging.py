@@ -11,7 +11,7 @@ from typing import Any
 from mcap.reader import make_reader
 
 from bench.encounters.arducopter import Copter, Place, Seen
-from bench.encounters.cases import NEITHER, Case, Leg
+from bench.encounters.cases import NEITHER, YIELDS, Case, Leg
 
 LEAST_M, LONGEST = 10.0, 1.4
 TOLD_S = 2.0
@@ -20,7 +20,7 @@ LEAST_PACE = 0.95
 WARNED = ("proximity-warn", "opened")
 _TROUBLE = ("does not fly its manoeuvre", "does not avoid", "leaves all of it", "leaves the manoeuvre to")
 _MICRO = 1_000_000
-_MOVES = ("goes ", "holds", "stops", "waits")
+_MOVES = ("goes ", "stops ", "waits short ", "flies on at ")
 
 
 @dataclass
@@ -139,7 +139,7 @@ def _judge_one(found: Flown, copter: Copter, leg: Leg, alone: float, began_s: fl
     unit = str(copter.number)
     said = [text for _, by, text in found.notes if by == unit]
     found.stops.append(sum(text.startswith(f"{unit} {move}") for text in said for move in _MOVES))
-    found.resumes.append(sum("flies on" in text for text in said))
+    found.resumes.append(sum(text.startswith(f"{unit} flies on") and " on at " not in text for text in said))
     found.modes += [(mode.at_s - began_s, copter.number, mode.name, mode.item) for mode in copter.modes]
     shown_s = [shown for shown in _shown_s(records, unit, found.began) if orders and shown <= orders[0][0]]
     found.latency_s.append(round(orders[0][0] - min(shown_s), 3) if shown_s else None)
@@ -174,7 +174,7 @@ def _trouble_s(found: Flown, copters: Sequence[Copter], began_s: float) -> float
     if fault in {"one AUTO", "both AUTO", "both RTL"}:
         return next((at_s for at_s, monitor, event, _ in found.alarms if (monitor, event) == WARNED), None)
     if fault == "refuses":
-        return next((at_s for at_s, number, _ in found.orders if number == 0), None)
+        return next((at_s for at_s, number, _ in found.orders if number == YIELDS), None)
     ordered_s = {number: at_s for at_s, number, _ in found.orders if at_s <= (found.neither_s or math.inf)}
     overwritten_s = [
         next((at_s - began_s for at_s in copter.streamed_s if at_s - began_s > ordered_s[copter.number]), math.inf)
@@ -209,8 +209,5 @@ def together(one: Sequence[Seen], other: Sequence[Seen]) -> Iterator[tuple[float
 
 def _in_words(message: Any) -> str:
     known = {"command": "command", "z": "z", "custom_mode": "mode"}
-    return (
-        message.get_type()
-        + " "
-        + " ".join(f"{k} {getattr(message, a)}" for k, a in known.items() if hasattr(message, a))
-    )
+    parts = [f"{name} {getattr(message, part)}" for name, part in known.items() if hasattr(message, part)]
+    return " ".join([str(message.get_type()), *parts])

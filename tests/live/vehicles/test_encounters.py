@@ -31,7 +31,7 @@ def modes(found: Flown, vehicle: int) -> list[tuple[str, int]]:
 def test_two_that_meet_head_on_pass_apart_and_arrive_in_time_after_one_manoeuvre() -> None:
     found = flown(Case("head-on", 5.0))
     assert_apart_and_in_time(found)
-    assert found.stops == [1, 1], found.notes
+    assert sum(found.stops) == 1, found.notes
 
 
 def test_three_whose_ways_cross_in_one_place_pass_apart_and_arrive_in_time() -> None:
@@ -42,25 +42,24 @@ def test_an_autopilot_that_refuses_every_order_is_told_at_both_and_the_other_doe
     found = flown(Case("head-on", 5.0, fault="refuses", seed=3))
     assert found.least_m > LEAST_M
     assert found.is_told, found.notes
-    assert max(heights_m(found, 0)) - min(heights_m(found, 0)) < 2.0, "it has flown its route"
-    assert max(heights_m(found, 1)) - min(heights_m(found, 1)) > LEAST_M
+    assert max(heights_m(found, 1)) - min(heights_m(found, 1)) < 2.0, "it has flown its route"
+    assert found.stops[0] >= 1, found.notes
 
 
 def test_missions_that_may_be_interrupted_are_resumed_at_their_item() -> None:
     found = flown(Case("head-on", 5.0, fault="both AUTO, may interrupt", seed=3))
     assert_apart_and_in_time(found)
-    for vehicle in (0, 1):
-        seen = modes(found, vehicle)
-        interrupted = next(at for at, (mode, _) in enumerate(seen) if mode == "GUIDED" and ("AUTO", 2) in seen[:at])
-        item = seen[interrupted][1]
-        resumed = [mode for mode in seen[interrupted:] if mode[0] == "AUTO"]
-        assert resumed, seen
-        assert {each for _, each in resumed} == {item}
+    seen = modes(found, 1)
+    interrupted = next(at for at, (mode, _) in enumerate(seen) if mode == "GUIDED" and ("AUTO", 2) in seen[:at])
+    item = seen[interrupted][1]
+    resumed = [mode for mode in seen[interrupted:] if mode[0] == "AUTO"]
+    assert resumed, seen
+    assert {each for _, each in resumed} == {item}
 
 
 def test_after_a_pilots_takeover_nothing_is_sent_and_the_other_keeps_away() -> None:
     found = flown(Case("head-on", 5.0, fault="pilot takes over", seed=3))
     assert found.least_m > LEAST_M
-    assert found.stops[0] == 1, "it was taken over in the middle of a manoeuvre"
+    assert found.stops[1] == 1, "it was taken over in the middle of a manoeuvre"
     assert found.after_takeover == 0, found.orders
-    assert found.factors[1] is not None, "the other arrives"
+    assert found.factors[0] is not None, "the other arrives"
