@@ -123,6 +123,7 @@ class HeardVehicle:
         fix, interrupts = self.fix, self.may_interrupt
         if fix is None or (altitude_m is None and place is None and not interrupts):
             return vehicle.HoldOrder()
-        kind = vehicle.InterruptOrder if interrupts else vehicle.GoToOrder
         latitude_deg, longitude_deg = place or (fix.latitude_deg, fix.longitude_deg)
-        return kind(latitude_deg, longitude_deg, fix.altitude_m if altitude_m is None else altitude_m)
+        there = latitude_deg, longitude_deg, fix.altitude_m if altitude_m is None else altitude_m
+        stops = place is None
+        return vehicle.InterruptOrder(*there, stops) if interrupts else vehicle.GoToOrder(*there, stops=stops)
