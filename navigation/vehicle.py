@@ -8,6 +8,7 @@ from collections.abc import Mapping
 from enum import StrEnum
 from typing import NamedTuple, TypeAlias
 
+from navigation.cruise import CruiseReport
 from navigation.fences import FenceArea
 from navigation.heard_aircraft import HeardAircraft
 from navigation.mission_plans import MissionPlanReport
@@ -284,7 +285,7 @@ class CommandResult(NamedTuple):
 
 Report: TypeAlias = (
     PositionReport | VelocityReport | LocalPositionReport | AttitudeReport | AccelerationReport | BatteryReport | HomeReport
-    | StatusReport | TargetReport | TextReport | MissionReport | FenceReport | FailsafeReport | FixReport | MountReport
+    | StatusReport | TargetReport | TextReport | MissionReport | FenceReport | FailsafeReport | CruiseReport | FixReport | MountReport
     | MissionPlanReport | WinchReport | ImageReport | TrafficReport | LinkReport | StationReport | CommandResult
 )  # fmt: skip
 

@@ -72,7 +72,7 @@ class Vehicle:
 
     `armed`, `guided`, `airborne`, `mode` are what it says of itself, nothing if `says_status` is not set; `home_m` is
     the height of its home above mean sea level, None while it has none. Orders it accepts, or refuses with `answer`;
-    None: they are never acknowledged. `battery` is the fraction that is left, None while it says none.
+    None: they are never acknowledged. `is_lost`: it does not say where it is. `battery` is the fraction that is left, None while it says none.
     """
 
     north_m: float = 0.0
@@ -81,6 +81,7 @@ class Vehicle:
     north_m_s: float = 0.0
     east_m_s: float = 0.0
     is_silent: bool = False
+    is_lost: bool = False
     answer: str | None = ""
     armed: bool = True
     guided: bool = True
@@ -109,6 +110,8 @@ class Vehicle:
         self.deadline_us = now_us + REPORT_US
         if self.is_silent:
             return []
+        if self.is_lost:
+            return self.states(stamp_us)
         since_s = (now_us - EPOCH) / 1e6
         latitude = 58.0 + (self.north_m + self.north_m_s * since_s) * METRE_DEG
         longitude = 15.0 + (self.east_m + self.east_m_s * since_s) * METRE_DEG / 0.5299

@@ -13,6 +13,7 @@ from agents.flight.arbiter import ENDINGS, CommandClaims, MissionClaim, in_words
 from agents.flight.errand import TEXT_WITHIN_US, Errand, OrderProgress
 from agents.flight.heard_vehicle import HeardVehicle, InterruptedMission
 from navigation import vehicle
+from navigation.cruise import CruiseReport
 from navigation.mission_plans import MissionPlanReport
 
 FORGETS_US = 3_500_000
@@ -68,7 +69,7 @@ class CommandedVehicle(HeardVehicle):
                 problem = self.bounds.on_home(report, flying=self.status is not None and self.status.airborne is True)
                 if problem is not None:
                     self.note(problem)
-            case vehicle.PositionReport() | vehicle.FenceReport() | vehicle.FailsafeReport():
+            case vehicle.PositionReport() | vehicle.FenceReport() | vehicle.FailsafeReport() | CruiseReport():
                 self._on_bounding(report)
             case vehicle.BatteryReport():
                 self.battery = report

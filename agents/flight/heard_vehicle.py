@@ -9,6 +9,7 @@ from agents.flight.places import Bounds, Fix, FlightLimits, FlightPlan
 from agents.flight.targets import Targets
 from dyknow.model.errors import Refused
 from navigation import vehicle
+from navigation.cruise import CruiseReport
 from navigation.mission_plans import MissionItem
 
 FORBIDDEN: Final = "forbidden"
@@ -34,6 +35,7 @@ class HeardVehicle:
         winch: what its winch reported last.
         handled: the answer to the last order to its winch or gripper; None: there is none yet.
         failsafe: what its autopilot does when its link is lost; None: not reported.
+        cruise: how fast its autopilot flies to places by itself.
         battery: what remains of its charge; None: not reported.
         loaded: the items of its mission; empty: it has none, or they are not known.
         heard_us: when it last reported its state.
@@ -50,6 +52,7 @@ class HeardVehicle:
     fix: Fix | None = None
     bounds: Bounds = field(default_factory=Bounds)
     failsafe: vehicle.FailsafeReport | None = None
+    cruise: CruiseReport = field(default_factory=lambda: CruiseReport(0))
     battery: vehicle.BatteryReport | None = None
     loaded: tuple[MissionItem, ...] = ()
     _now_us: int = 0
@@ -98,7 +101,9 @@ class HeardVehicle:
         self._handling = command.number
         return command
 
-    def _on_bounding(self, report: vehicle.PositionReport | vehicle.FenceReport | vehicle.FailsafeReport) -> None:
+    def _on_bounding(
+        self, report: vehicle.PositionReport | vehicle.FenceReport | vehicle.FailsafeReport | CruiseReport
+    ) -> None:
         """What bounds the flight, and follows from it."""
         match report:
             case vehicle.PositionReport(altitude_m=float() as altitude_m, height_m=float() as height_m):
@@ -107,6 +112,8 @@ class HeardVehicle:
                 self.bounds.fence = report
             case vehicle.FailsafeReport():
                 self.failsafe = report
+            case CruiseReport():
+                self.cruise = report
 
     def _on_handled(self, report: vehicle.WinchReport | vehicle.CommandResult) -> None:
         if isinstance(report, vehicle.WinchReport):

@@ -9,7 +9,7 @@ sent until a user asks for it. What becomes of an order is in `agents.flight.err
 
 from dataclasses import dataclass
 
-from agents.flight.arbiter import ENDINGS, HEARD_WITHIN_US, CommandClaims, Commander, MissionClaim, in_words
+from agents.flight.arbiter import ANY_MODE, ENDINGS, HEARD_WITHIN_US, CommandClaims, Commander, MissionClaim, in_words
 from agents.flight.commanded import CommandedVehicle
 from agents.flight.errand import Errand, OrderProgress
 from agents.flight.heard_vehicle import FORBIDDEN, InterruptedMission
@@ -102,7 +102,7 @@ class Pilot(CommandedVehicle):
         claims = self.claims._replace(hands="")
         if by is not Commander.ORDER:
             return claims._replace(hands=self.mission.waits or self.claims.hands)
-        return claims._replace(avoidance="") if isinstance(order, ENDINGS) else claims
+        return claims._replace(avoidance="") if isinstance(order, ANY_MODE) else claims
 
     def begin_mission(self, name: str) -> None:
         """Have a mission command the vehicle from now on; raises Refused: without control, or in its pilot's hands."""

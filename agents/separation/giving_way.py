@@ -12,18 +12,17 @@ from agents.actions import COORDINATION, Action, Offer
 from agents.containment import Containment
 from agents.flight.errand import OrderProgress
 from agents.flight.pilot import Pilot
-from agents.flight.places import Fix
 from agents.interface import InterfaceAgent
 from agents.monitoring.coordination import Coordination
 from agents.monitoring.monitors import UnitMonitors
 from agents.part import Part
+from agents.separation.answers import AvoidAnswers
 from agents.separation.encounter_log import EncounterLog
-from agents.separation.logic import STEPS, SeparationLogic
+from agents.separation.logic import SeparationLogic
 from agents.separation.neighbourhood import Neighbourhood
-from agents.separation.neighbours import Traffic3D, tube_of
 from agents.separation.neither import NeitherAlarms
 from agents.separation.often import PURSUES, PURSUES_US, REPORTS, REPORTS_US, Often
-from agents.separation.records import legs_of, legs_text
+from agents.separation.records import legs_text
 from agents.separation.situation import (
     Fly,
     GoOn,
@@ -31,26 +30,20 @@ from agents.separation.situation import (
     Neither,
     Over,
     Propose,
-    Situation,
     Step,
     Waits,
 )
+from agents.separation.surroundings import Surroundings
 from dyknow.model.errors import Refused
 from federation.members.clock import FederationClock
 from federation.messages.acts import Act, Performative
 from federation.messages.contents import Avoid, Content, Reason
-from navigation.intents.intent import IntendedPlace, Intent, IntentEnding, IntentSource, RightOfWay
-from navigation.intents.meeting import MINIMA, clearance, closeness
-from navigation.intents.path import FlatOrigin, FlatPlace, flat_legs, motion_of, performance_of
 from navigation.vehicle import Command
 from reasoning import AlarmEvent
 
 ANSWER_WITHIN_US: Final = 1_000_000
+BLIND_LOOK_US: Final = 500_000
 NOT_FLOWN: Final = frozenset({OrderProgress.REFUSED, OrderProgress.OVERTAKEN, OrderProgress.UNSEEN})
-SOON_S: Final = 20.0
-"""A meeting that another leaves to us has to be so near, by our own data."""
-_FAR_M: Final = 5_000.0
-_OLD_US: Final = 2_000_000
 
 
 class GivingWay(Part):
@@ -94,7 +87,9 @@ class GivingWay(Part):
         self._neighbourhood, self._monitors, self._coordination = neighbourhood, monitors, coordination
         self._log, self._emit, self._note, self._may_avoid = log, emit, note, may_avoid
         self.logic, self.refused = SeparationLogic(unit), Counter[str]()
-        self._origin: FlatOrigin | None = None
+        self._surroundings = Surroundings(pilot, neighbourhood, self.logic, may_avoid=may_avoid)
+        self._answers = AvoidAnswers(unit, self.logic, neighbourhood, self._surroundings)
+        self._blind_us = 0
         self._neither = NeitherAlarms(unit, on_alarm, note)
         self._reports, self._pursuits = Often(REPORTS, REPORTS_US), Often(PURSUES, PURSUES_US)
         self._seen: object = None
@@ -122,19 +117,38 @@ class GivingWay(Part):
             return
         self._follow_diversion(now_us)
         if self._neighbourhood.is_watched:
-            situation = self._situation(fix)
-            if situation is None:
-                self._end_all(now_us)
-            else:
-                met = set(self.logic.meetings)
-                self._do(self._contain.call(self.logic.look, situation, otherwise=[]), now_us)
-                for unit in self.logic.meetings.keys() - met:
-                    self._log.begin(unit, now_us)
-                self._end_stray(now_us, may_command=not situation.cannot)
+            self._look(now_us)
         else:
             self._end_all(now_us)
             self._end_stray(now_us, may_command=True)
+        self._neighbourhood.cannot = bool(self.logic.cannot)
         self._neighbourhood.publish(now_us)
+
+    @property
+    def deadline_us(self) -> int | None:
+        """While vehicles are kept apart: when the position will be too old, and then twice a second."""
+        blind_us = self._surroundings.blind_from_us if self._neighbourhood.is_watched else None
+        return None if blind_us is None else max(self._clock.wall_us(blind_us), self._blind_us)
+
+    def on_time(self, now_us: int) -> None:
+        """The position is not known any more: those that this vehicle meets are told."""
+        blind_us = self._surroundings.blind_from_us
+        if blind_us is None or self._pilot.now_us < blind_us or now_us < self._blind_us:
+            return
+        self._blind_us = now_us + BLIND_LOOK_US
+        if self._neighbourhood.is_watched:
+            self._look(now_us)
+
+    def _look(self, now_us: int) -> None:
+        situation = self._surroundings.situation()
+        if situation is None:
+            self._end_all(now_us)
+            return
+        met = set(self.logic.meetings)
+        self._do(self._contain.call(self.logic.look, situation, otherwise=[]), now_us)
+        for unit in self.logic.meetings.keys() - met:
+            self._log.begin(unit, now_us)
+        self._end_stray(now_us, may_command=not situation.cannot)
 
     def _end_all(self, now_us: int) -> None:
         """No task keeps vehicles apart now, or the vehicle is on the ground."""
@@ -151,47 +165,6 @@ class GivingWay(Part):
             self.logic.manoeuvre = None
             self._go_on((), now_us)
 
-    def _situation(self, fix: Fix) -> Situation | None:
-        """What is known now; None: the vehicle is on the ground."""
-        pilot, around = self._pilot, self._neighbourhood
-        own = around.own.now(None)
-        if own is None or not own.is_airborne:
-            return None
-        origin = self._origin_at(fix)
-        federation_us = max(fix.valid_us, pilot.now_us)
-        cannot = "" if own.rank is not RightOfWay.CANNOT else self._cannot_words
-        if not cannot and federation_us - fix.valid_us > _OLD_US:
-            cannot = "its position is not known"
-        traffic = around.others.near(origin, fix, max(own.speed_m_s, fix.speed_m_s), fix.valid_us, STEPS)
-        return Situation(
-            fix.valid_us, own.rank, cannot, motion_of(own, origin), tuple(flat_legs(own.legs, origin)), own.ending,
-            performance_of(own), around.others.by_unit, traffic, self._allowed(origin),
-        )  # fmt: skip
-
-    @property
-    def _cannot_words(self) -> str:
-        off = self._pilot.avoidance_off or "it may not command its vehicle"
-        return off if self._may_avoid else "this platform has no leave to give way"
-
-    def _origin_at(self, fix: Fix) -> FlatOrigin:
-        """What metres count from; it moves only between manoeuvres."""
-        origin = self._origin
-        if origin is not None and self.logic.manoeuvre is None:
-            north_m, east_m = origin.metres(fix.latitude_deg, fix.longitude_deg)
-            origin = origin if abs(north_m) + abs(east_m) < _FAR_M else None
-        if origin is None:
-            origin = self._origin = FlatOrigin.at(fix.latitude_deg, fix.longitude_deg)
-        return origin
-
-    def _allowed(self, origin: FlatOrigin) -> Callable[[FlatPlace], bool]:
-        pilot = self._pilot
-
-        def allowed(place: FlatPlace) -> bool:
-            where = origin.degrees(place.north_m, place.east_m)
-            return pilot.refusal(pilot.stop(place.altitude_m, where)) is None
-
-        return allowed
-
     # -- what others say ---------------------------------------------------------------------------------------
 
     def on_avoid(self, act: Act, content: Avoid, now_us: int) -> None:
@@ -202,7 +175,7 @@ class GivingWay(Part):
         """
         other = act.sender.unit
         try:
-            what = self._answer(other, content)
+            what = self._answers.answer(other, content)
         except Refused as refused:
             self.refused[refused.code or "cannot"] += 1
             if self._reports.allows(other, now_us):
@@ -212,78 +185,6 @@ class GivingWay(Part):
             self._tell(f"{self._unit} agrees with {other}: {what}", now_us)
         self._agent.done(act, now_us)
 
-    def _answer(self, other: str, content: Avoid) -> str:
-        fix = self._pilot.fix
-        if set(content.units) != {self._unit, other}:
-            raise Refused("the manoeuvre is not between the two of us", "not-a-participant")
-        if fix is None:
-            raise Refused("this platform does not know where it is", "no-position")
-        legs = legs_of(content.legs)
-        if legs is None:
-            raise Refused("legs are no places; write latitude,longitude,altitude;...", "no-places")
-        own = self._neighbourhood.own.now(None)
-        if own is None or not own.is_airborne:
-            raise Refused("the vehicle is on the ground or not armed", "grounded")
-        known = self._neighbourhood.others.by_unit.get(other)
-        if known is None:
-            raise Refused(f"this platform does not know where {other} is", "no-position")
-        if known.leapt_us is not None:
-            raise Refused(f"the position of {other} has leapt", "implausible")
-        if not self._neighbourhood.is_watched:
-            raise Refused("no task here keeps vehicles apart", "unwatched")
-        situation = self._situation(fix)
-        if situation is None:
-            raise Refused("the vehicle is on the ground or not armed", "grounded")
-        if content.because is not None:
-            return self._take(other, content.because, legs, situation)
-        return self._hear(other, legs, situation)
-
-    def _take(self, other: str, because: str, legs: tuple[IntendedPlace, ...], now: Situation) -> str:
-        """It leaves the meeting to us, if there is one on the way that it flies on."""
-        known = self._neighbourhood.others.by_unit[other]
-        if known.said:
-            known.intent = known.intent._replace(rank=RightOfWay.CANNOT, legs=legs)
-        now = now._replace(traffic=self._traffic(now))
-        if not self.logic.meets(now, other) <= SOON_S:
-            raise Refused(f"nothing here shows that {other} comes near", "no-evidence")
-        known.cannot, known.cannot_us = because, now.now_us
-        reason = self.logic.on_left(other, now)
-        if reason is not None:
-            raise Refused(reason, "cannot")
-        return f"leaves all of it to {self._unit}: {because}"
-
-    def _traffic(self, now: Situation) -> Traffic3D:
-        """The tubes of all others, once more: one of them has just reported."""
-        fix, origin = self._pilot.fix, self._origin
-        if fix is None or origin is None:
-            return now.traffic
-        speed = max(now.performance.speed_m_s, fix.speed_m_s)
-        return self._neighbourhood.others.near(origin, fix, speed, now.now_us, STEPS)
-
-    def _hear(self, other: str, legs: tuple[IntendedPlace, ...], now: Situation) -> str:
-        """What it will fly: refused where it meets the manoeuvre that we fly, or a way of ours that cannot be changed."""
-        known = self._neighbourhood.others.by_unit[other]
-        proposed = known.intent._replace(
-            source=IntentSource.MANOEUVRE,
-            rank=RightOfWay.COMMITTED,
-            legs=legs,
-            ending=IntentEnding.HOVER,
-            contingency=None,
-        )
-        if self._is_met(proposed, now):
-            raise Refused(f"it meets what {self._unit} flies", "not-free")
-        if known.said:  # its positions stand for one that publishes no intent, or one that they contradict
-            known.intent = proposed
-        return f"{other} makes room"
-
-    def _is_met(self, proposed: Intent, now: Situation) -> bool:
-        origin = self._origin
-        if origin is None:
-            return False
-        tube = tube_of(proposed, origin, now.now_us, STEPS)
-        own = self.logic.flown(now)
-        return clearance(closeness(own, tube[None], MINIMA)) < 1.0
-
     # -- steps -------------------------------------------------------------------------------------------------
 
     def _do(self, steps: Iterable[Step], now_us: int) -> None:
@@ -291,7 +192,9 @@ class GivingWay(Part):
             match step:
                 case Propose(unit, manoeuvre):
                     self._propose(
-                        unit, Avoid(units=(self._unit, unit), legs=legs_text(self._places(manoeuvre.places))), now_us
+                        unit,
+                        Avoid(units=(self._unit, unit), legs=legs_text(self._surroundings.places(manoeuvre.places))),
+                        now_us,
                     )
                 case LeaveTo(unit, reason):
                     self._tell(f"{self._unit} does not avoid {unit}, which is to do all of it: {reason}", now_us)
@@ -310,29 +213,26 @@ class GivingWay(Part):
                     self._log.end(unit, now_us)
                     self._neither.close(unit, self._clock.federation_us(now_us))
 
-    def _places(self, places: Iterable[FlatPlace]) -> tuple[IntendedPlace, ...]:
-        origin = self._origin
-        if origin is None:  # nothing was planned yet
-            return ()
-        return tuple(IntendedPlace(*origin.degrees(each.north_m, each.east_m), each.altitude_m) for each in places)
-
     def _propose(self, unit: str, content: Avoid, now_us: int) -> None:
         def on_reply(reply: Act, said: Content | None, at_us: int) -> None:
             if reply.performative in {Performative.AGREE, Performative.INFORM}:  # the result may overtake the agree
                 if content.because is None:
-                    self.logic.on_agreed(unit)
+                    self._on_agreed(unit, at_us)
             elif reply.performative in {Performative.REFUSE, Performative.NOT_UNDERSTOOD, Performative.FAILURE}:
                 self._declined(unit, content, said if isinstance(said, Reason) else Reason(text="no reason"), at_us)
 
         def on_silence(why: str, at_us: int) -> None:
             if content.because is None:
-                self.logic.on_agreed(unit)
+                self._on_agreed(unit, at_us)
             else:
                 self._declined(unit, content, Reason(text=why), at_us)
 
         self._agent.delegate(
             unit, content, now_us, on_reply=on_reply, on_silence=on_silence, reply_within_us=ANSWER_WITHIN_US
         )
+
+    def _on_agreed(self, unit: str, now_us: int) -> None:
+        self._do(self.logic.on_agreed(unit, self._pilot.now_us), now_us)
 
     def _declined(self, unit: str, content: Avoid, reason: Reason, now_us: int) -> None:
         """It refuses our proposal, or what we leave to it."""
@@ -341,10 +241,9 @@ class GivingWay(Part):
                 self._tell(f"{unit} refuses: {reason.text}", now_us)
                 self.logic.on_declined(unit, self._clock.federation_us(now_us))
             else:
-                self.logic.on_agreed(unit)
+                self._on_agreed(unit, now_us)
             return
-        fix = self._pilot.fix
-        situation = None if fix is None else self._situation(fix)
+        situation = self._surroundings.situation()
         if situation is not None and unit in situation.neighbours:
             unseen = reason.code == "no-evidence"
             self._do(self.logic.on_left_refused(unit, reason.text, situation, is_unseen=unseen), now_us)
@@ -353,7 +252,7 @@ class GivingWay(Part):
         manoeuvre = self.logic.manoeuvre
         if manoeuvre is None:  # what was flown before it could not be
             return
-        places = self._places(manoeuvre.places)
+        places = self._surroundings.places(manoeuvre.places)
         try:
             commands = self._pilot.divert(step.place.altitude_m, places[0][:2])
         except Refused as refused:
@@ -401,7 +300,7 @@ class GivingWay(Part):
     @property
     def _is_flown(self) -> bool:
         manoeuvre = self.logic.manoeuvre
-        return manoeuvre is not None and manoeuvre.flown is not None
+        return manoeuvre is not None and manoeuvre.is_commanded
 
     def _not_flown(self, reason: str, now_us: int, *, overtaken: bool) -> None:
         self._tell(f"{self._unit} does not fly its manoeuvre: {reason}", now_us)

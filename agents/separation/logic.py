@@ -14,7 +14,8 @@ and of our own manoeuvre:
 
     PROPOSED   to those that we meet, for half a second at most; what was   all agree, or are silent: FLOWN; one refuses: again;
                flown before is flown meanwhile                              the reason is gone: what was flown before
-    FLOWN      it is commanded, place by place                               refused, overtaken, unseen: we cannot, for 5 s
+    FLOWN      it is commanded, place by place                               refused, overtaken, unseen: we cannot, for 5 s, and
+                                                                             are taken to fly our own way
                our own way has been free of all others for half a second     over: we fly on
 """
 
@@ -168,7 +169,7 @@ class SeparationLogic:
             steps = [step for unit in sorted(mine) for step in self._leave(now, unit, NOTHING_FREE)]
             if found is None or not self._is_better(now, found):
                 return steps
-            return [*steps, *self._begin(now, Manoeuvre(found, mine, now.now_us))]
+            return [*steps, *self._begin(now.now_us, Manoeuvre(found, mine, now.now_us))]
         made = Manoeuvre(found, mine | (manoeuvre.units if manoeuvre else set()), now.now_us)
         asked = [
             unit
@@ -178,7 +179,7 @@ class SeparationLogic:
         made.awaited = set(asked)
         proposed: list[Step] = [Propose(unit, found) for unit in asked]
         if not asked or seconds <= URGENT_S or self._refusals >= MOST_ASKED:
-            return [*proposed, *self._begin(now, made)]
+            return [*proposed, *self._begin(now.now_us, made)]
         made.before = manoeuvre
         self.manoeuvre = made
         return proposed
@@ -207,12 +208,12 @@ class SeparationLogic:
         seconds = min((self.meetings[unit].seconds for unit in manoeuvre.units if unit in self.meetings), default=0.0)
         if manoeuvre.awaited and now.now_us < manoeuvre.since_us + ASKS_US and seconds > URGENT_S:
             return []
-        return self._begin(now, manoeuvre)
+        return self._begin(now.now_us, manoeuvre)
 
-    def _begin(self, now: Situation, manoeuvre: Manoeuvre) -> list[Step]:
-        manoeuvre.state, manoeuvre.since_us, self.manoeuvre = ManoeuvreState.FLOWN, now.now_us, manoeuvre
+    def _begin(self, now_us: int, manoeuvre: Manoeuvre) -> list[Step]:
+        manoeuvre.state, manoeuvre.since_us, self.manoeuvre = ManoeuvreState.FLOWN, now_us, manoeuvre
         self._refusals, manoeuvre.before = 0, None
-        again = tuple(sorted(unit for unit in manoeuvre.units if self._count(unit, now.now_us) == OFTEN))
+        again = tuple(sorted(unit for unit in manoeuvre.units if self._count(unit, now_us) == OFTEN))
         waits: list[Step] = [Waits(again)] if again else []
         return [*waits, Fly(manoeuvre.places[0], True, manoeuvre.planned.words, tuple(sorted(manoeuvre.units)))]
 
@@ -265,7 +266,7 @@ class SeparationLogic:
         if found is None or found.minima is None or found.cost_s >= NEVER_S:
             is_news, manoeuvre.waits = not manoeuvre.waits, True
             return [Waits(self._in_the_way(now))] if is_news else []
-        return self._begin(now, Manoeuvre(found, set(manoeuvre.units), now.now_us))
+        return self._begin(now.now_us, Manoeuvre(found, set(manoeuvre.units), now.now_us))
 
     def _in_the_way(self, now: Situation) -> tuple[str, ...]:
         """Those that its own way meets, as far as it is looked at."""
@@ -305,18 +306,25 @@ class SeparationLogic:
         self.cannot, self._cannot_until_us = reason, now_us + CANNOT_US
         if overtaken:
             self.manoeuvre = None
+        else:
+            manoeuvre.is_unseen = True
         return []
 
     def on_flown(self) -> None:
         """Our autopilot flies what it was not seen to fly."""
         self.cannot = ""
+        if self.manoeuvre is not None:
+            self.manoeuvre.is_unseen = False
 
     # -- what others say ---------------------------------------------------------------------------------------
 
-    def on_agreed(self, unit: str) -> None:
-        """It has agreed to our manoeuvre."""
-        if self.manoeuvre is not None:
-            self.manoeuvre.awaited.discard(unit)
+    def on_agreed(self, unit: str, now_us: int) -> list[Step]:
+        """It has agreed to our manoeuvre, or does not answer: it is flown once there is nobody left to wait for."""
+        manoeuvre = self.manoeuvre
+        if manoeuvre is None or manoeuvre.state is not ManoeuvreState.PROPOSED:
+            return []
+        manoeuvre.awaited.discard(unit)
+        return [] if manoeuvre.awaited else self._begin(now_us, manoeuvre)
 
     def on_declined(self, unit: str, now_us: int) -> None:
         """It has refused our manoeuvre: another one is planned, and its newest intent is part of that."""

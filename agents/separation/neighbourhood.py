@@ -27,7 +27,7 @@ from federation.members.directory import DirectoryFacilitator
 from federation.members.liveness import Departure, PlatformGone
 from federation.messages.descriptions import ConditionEntry, LabelEntry
 from federation.sharing.translation import Translation
-from navigation.intents.intent import IntendedPlace, Intent
+from navigation.intents.intent import IntendedPlace, Intent, RightOfWay
 from reasoning import SILENT_IN_THE_AIR, AlarmEvent
 
 PERIOD_US: Final = 500_000
@@ -49,6 +49,7 @@ class Neighbourhood(Part):
     Attributes:
         others: all other vehicles.
         manoeuvre: the places that the vehicle flies to keep apart; None: it flies its own way.
+        cannot: whether its manoeuvres are not flown at the moment.
     """
 
     vital = True
@@ -82,6 +83,7 @@ class Neighbourhood(Part):
         self.others = Neighbours()
         self.own = OwnIntent(pilot, may_avoid=may_avoid)
         self.manoeuvre: tuple[IntendedPlace, ...] | None = None
+        self.cannot = False
         self._partners = Partners(network, local, keeper, self._on_import)
         self._label, self._to_local = translation.local_label(INTENT, unit), translation.to_local(INTENT)
         if self._has_vehicle:
@@ -101,7 +103,8 @@ class Neighbourhood(Part):
 
     def intent(self) -> Intent | None:
         """What the own vehicle will do; None: it is not known where it is."""
-        return self.own.now(self.manoeuvre)
+        intent = self.own.now(self.manoeuvre)
+        return intent._replace(rank=RightOfWay.CANNOT) if intent is not None and self.cannot else intent
 
     def publish(self, now_us: int) -> None:
         """Put the own intent out, twice a second, on the grid."""

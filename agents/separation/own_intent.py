@@ -20,14 +20,14 @@ from math import hypot
 from typing import Final, NamedTuple
 
 from agents.flight.arbiter import ENDINGS, Commander, unready
+from agents.flight.errand import OrderProgress
 from agents.flight.heard_vehicle import InterruptedMission
 from agents.flight.pilot import Pilot
 from agents.flight.places import Fix, FlightPlan
-from agents.separation.records import MOST_DELAY_S
+from agents.separation.flown_speeds import FlownSpeeds
+from agents.separation.records import MOST_DELAY_S, MOST_SPEED_M_S
 from navigation.geodesy import distance_m
 from navigation.intents.intent import (
-    CLIMB_M_S,
-    DESCENT_M_S,
     MOST_LEGS,
     SPEED_M_S,
     Contingency,
@@ -58,6 +58,8 @@ RETURN_HEIGHT_M: Final = 15.0
 """How high above home a vehicle returns whose parameters are not known (ArduCopter RTL_ALT)."""
 LOW_BATTERY: Final = 0.15
 """The fraction of its charge from which on a vehicle goes first."""
+MOST_AWAITED: Final = 8
+"""So many legs of the way that it may fly as well are said while it is not known which one it flies."""
 _LAND_MODES, _RETURN_MODES = MODES_OF[LandOrder], MODES_OF[ReturnHomeOrder]
 _TAKE_OFF_MODES: Final = MODES_OF[TakeOffOrder]
 _BACKTRACKS, _STREAMED = "SMART_RTL", "OFFBOARD"
@@ -82,7 +84,7 @@ class OwnIntent:
 
     def __init__(self, pilot: Pilot, *, may_avoid: bool) -> None:
         self._pilot, self._may_avoid = pilot, may_avoid
-        self._fastest_m_s, self._climb_m_s, self._descent_m_s = 0.0, 0.0, 0.0
+        self._speeds = FlownSpeeds()
 
     def now(self, manoeuvre: tuple[IntendedPlace, ...] | None) -> Intent | None:
         """The intent; None: where the vehicle is is not known. `manoeuvre`: what it flies to keep apart, None: nothing."""
@@ -91,13 +93,22 @@ class OwnIntent:
             return None
         status = pilot.status
         if status is None or not status.armed or status.airborne is False:
-            self._fastest_m_s = self._climb_m_s = self._descent_m_s = 0.0
+            self._speeds.forget()
             return self._made(fix, IntentSource.GROUND, RightOfWay.CANNOT, (), IntentEnding.HOVER)
-        self._watch(fix)
-        if manoeuvre is not None:
-            rank = min(self._rank(IntentSource.MANOEUVRE), RightOfWay.COMMITTED)
-            return self._made(fix, IntentSource.MANOEUVRE, rank, manoeuvre, IntentEnding.HOVER)
-        return self.without_others(fix)
+        self._speeds.watch(fix)
+        return self.without_others(fix) if manoeuvre is None else self._manoeuvring(fix, manoeuvre)
+
+    def _manoeuvring(self, fix: Fix, manoeuvre: tuple[IntendedPlace, ...]) -> Intent:
+        """The manoeuvre. Until the vehicle shows that it flies it, it may fly its own way: that is what follows if nobody hears it."""
+        own, diversion = self.without_others(fix), self._pilot.diversion
+        progress = OrderProgress.FLOWN if diversion is None else diversion.progress
+        if progress is OrderProgress.UNSEEN:
+            return own._replace(contingency=Contingency(0.0, manoeuvre[:MOST_AWAITED], IntentEnding.HOVER))
+        rank = min(self._rank(IntentSource.MANOEUVRE), RightOfWay.COMMITTED)
+        found = self._made(fix, IntentSource.MANOEUVRE, rank, manoeuvre, IntentEnding.HOVER)
+        if progress is OrderProgress.FLOWN:
+            return found
+        return found._replace(contingency=Contingency(0.0, own.legs[:MOST_AWAITED], own.ending))
 
     def without_others(self, fix: Fix) -> Intent:
         """What it would fly if there were no others."""
@@ -114,12 +125,6 @@ class OwnIntent:
             return RightOfWay.URGENT
         lands = source in {IntentSource.LANDING, IntentSource.TAKE_OFF}
         return RightOfWay.LANDING if lands else RightOfWay.NAMED
-
-    def _watch(self, fix: Fix) -> None:
-        """Learn how fast it flies; what was seen is forgotten slowly."""
-        self._fastest_m_s = max(fix.speed_m_s, 0.998 * self._fastest_m_s)
-        self._climb_m_s = max(-fix.down_m_s, 0.998 * self._climb_m_s)
-        self._descent_m_s = max(fix.down_m_s, 0.998 * self._descent_m_s)
 
     def _way(self, fix: Fix) -> _Way:
         pilot, status = self._pilot, self._pilot.status
@@ -199,7 +204,7 @@ class OwnIntent:
     def _mission_legs(self, fix: Fix, ahead: Sequence[MissionItem]) -> tuple[tuple[IntendedPlace, ...], IntentEnding]:
         """The places of its items as far as `AHEAD_S`, and what follows the last one; up to an item that is not known."""
         legs: list[IntendedPlace] = []
-        at, left_m = _place(fix), AHEAD_S * max(self._fastest_m_s, SPEED_M_S)
+        at, left_m = _place(fix), AHEAD_S * max(self._speeds.level_m_s(self._pilot.cruise), SPEED_M_S)
         ending = IntentEnding.HOVER
         for each in ahead:
             more, ending = self._item_legs(at, each)
@@ -290,18 +295,18 @@ class OwnIntent:
         self, fix: Fix, source: IntentSource, rank: RightOfWay, legs: tuple[IntendedPlace, ...], ending: IntentEnding
     ) -> Intent:
         here = _place(fix)
-        plan, order, speed = self._pilot.plan, self._pilot.standing, SPEED_M_S
+        plan, order, speeds, cruise = self._pilot.plan, self._pilot.standing, self._speeds, self._pilot.cruise
         if source is IntentSource.ROUTE and plan is not None:
             speed = plan.speed_m_s
         elif isinstance(order, GoToOrder) and order.speed_m_s:
             speed = order.speed_m_s
-        elif self._fastest_m_s > 1.0:
-            speed = self._fastest_m_s
+        else:
+            speed = speeds.level_m_s(cruise)
         contingency = self._contingency(here, source, legs, fix.speed_m_s)
         return Intent(
             fix.valid_us, *here, fix.north_m_s, fix.east_m_s, fix.down_m_s, source, rank, legs, ending,
-            max(0.5, min(60.0, speed)), max(CLIMB_M_S, min(20.0, self._climb_m_s)),
-            max(DESCENT_M_S, min(20.0, self._descent_m_s)), contingency=contingency,
+            max(0.5, min(MOST_SPEED_M_S, speed)), min(MOST_SPEED_M_S, speeds.climb_m_s(cruise)),
+            min(MOST_SPEED_M_S, speeds.descent_m_s(cruise)), contingency=contingency,
         )  # fmt: skip
 
 

@@ -129,6 +129,7 @@ class Manoeuvre:
         units: those that it is for; awaited: those that have not answered.
         at: which place is flown to.
         waits: whether it was reported that there is no way round what is in the way.
+        is_unseen: whether the vehicle does not show that it flies it: it is taken to fly its own way.
         before: what is flown while this one is proposed.
     """
 
@@ -140,12 +141,19 @@ class Manoeuvre:
     at: int = 0
     free_since_us: int | None = None
     waits: bool = False
+    is_unseen: bool = False
     before: "Manoeuvre | None" = None
 
     @property
     def flown(self) -> "Manoeuvre | None":
         """The one that the vehicle flies: this one, or that before it; None: its own way."""
-        return self if self.state is ManoeuvreState.FLOWN else self.before
+        flown = self if self.state is ManoeuvreState.FLOWN else self.before
+        return None if flown is None or flown.is_unseen else flown
+
+    @property
+    def is_commanded(self) -> bool:
+        """Whether the vehicle was commanded to fly it, or the one before it."""
+        return self.state is ManoeuvreState.FLOWN or self.before is not None
 
     @property
     def places(self) -> tuple[FlatPlace, ...]:

@@ -1,4 +1,4 @@
-"""The autopilot's own parameters that bound and follow a flight: its fence, and what it does when its link is lost.
+"""The autopilot's own parameters that bound and follow a flight: its fence, what it does when its link is lost, how fast it flies.
 
 No socket and no clock. A parameter that an autopilot does not have is not answered: of several names of one value those
 of newer firmware are requested as well.
@@ -9,6 +9,7 @@ from typing import Any
 
 from pymavlink.dialects.v20 import ardupilotmega as mavlink
 
+from navigation.cruise import CruiseReport
 from navigation.fences import FenceArea
 from navigation.vehicle import FailsafeReport, FenceReport, LinkLossAction
 
@@ -29,6 +30,11 @@ FAILSAFE_PARAMETERS = {
     _PX4: ("NAV_DLL_ACT", "COM_DL_LOSS_T", "COM_FAIL_ACT_T", "RTL_RETURN_ALT", "COM_OBL_RC_ACT", "COM_OF_LOSS_T"),
 }  # fmt: skip
 """The parameters that say what an autopilot does without its link, and how it returns; RTL_ALT_M is of ArduCopter 4.7."""
+CRUISE_PARAMETERS = {
+    _ARDUPILOT: ("WPNAV_SPEED", "WPNAV_SPEED_UP", "WPNAV_SPEED_DN", "WP_SPD", "WP_SPD_UP", "WP_SPD_DN"),
+    _PX4: ("MPC_XY_CRUISE", "MPC_Z_VEL_MAX_UP", "MPC_Z_VEL_MAX_DN", "MPC_Z_V_AUTO_UP", "MPC_Z_V_AUTO_DN"),
+}  # fmt: skip
+"""The parameters that say how fast it flies to places; WP_SPD is of ArduCopter 4.7, MPC_Z_V_AUTO_UP of PX4 1.13."""
 _FENCE_HIGHEST, _FENCE_RADIUS, _FENCE_AREAS, _FENCE_LOWEST = 1, 2, 4, 8
 _UNION = 1 << 1
 """FENCE_OPTIONS: one of the inclusions is enough."""
@@ -102,6 +108,17 @@ class VehicleParameters:
         """What it does without its link, as far as it has reported that."""
         return self._failsafe_px4(valid_us) if autopilot == _PX4 else self._failsafe_ardupilot(valid_us)
 
+    def cruise(self, autopilot: int | None, valid_us: int) -> CruiseReport:
+        """How fast it flies to places, as far as it has reported that."""
+        if autopilot == _PX4:
+            up, down = (
+                self._told.get(f"MPC_Z_V_AUTO_{way}", self._told.get(f"MPC_Z_VEL_MAX_{way}")) for way in ("UP", "DN")
+            )
+            return CruiseReport(valid_us, self._told.get("MPC_XY_CRUISE"), up, down)
+        return CruiseReport(
+            valid_us, *(self._metres(f"WP_SPD{way}", f"WPNAV_SPEED{way}") for way in ("", "_UP", "_DN"))
+        )
+
     def _failsafe_ardupilot(self, valid_us: int) -> FailsafeReport:
         told, action = self._told, self._action("FS_GCS_ENABLE", _ARDUPILOT_ACTIONS)
         watched = told.get("MAV_GCS_SYSID", told.get("SYSID_MYGCS"))
@@ -146,4 +163,4 @@ class VehicleParameters:
 
 def _wanted(autopilot: int | None) -> tuple[str, ...]:
     kind = autopilot or 0
-    return (*FENCE_PARAMETERS.get(kind, ()), *FAILSAFE_PARAMETERS.get(kind, ()))
+    return (*FENCE_PARAMETERS.get(kind, ()), *FAILSAFE_PARAMETERS.get(kind, ()), *CRUISE_PARAMETERS.get(kind, ()))

@@ -12,7 +12,7 @@ from pymavlink.dialects.v20 import ardupilotmega as mavlink
 from navigation import vehicle
 from navigation.fences import FenceArea
 from navigation.inertial import GRAVITY_M_S2
-from proxies.mavlink.parameters import FENCE_PARAMETERS, VehicleParameters
+from proxies.mavlink.parameters import CRUISE_PARAMETERS, FENCE_PARAMETERS, VehicleParameters
 
 _UNKNOWN_16 = 65_535
 _ASSUMED_ERROR_M = 2.0
@@ -278,12 +278,14 @@ class VehicleReports:
         return (self.winch,)
 
     def on_parameter(self, message: Any, valid_us: int) -> tuple[vehicle.Report, ...]:
-        """PARAM_VALUE: of the fence, and of what the vehicle does without its link."""
+        """PARAM_VALUE: of the fence, of what the vehicle does without its link, and of how fast it flies."""
         name = self._parameters.on_value(self.autopilot, message)
         if name is None:
             return ()
         if name in FENCE_PARAMETERS[self.autopilot or 0]:
             return (self.fence(self._areas, valid_us),)
+        if name in CRUISE_PARAMETERS[self.autopilot or 0]:
+            return (self._parameters.cruise(self.autopilot, valid_us),)
         return (self._parameters.failsafe(self.autopilot, valid_us),)
 
     def fence(self, areas: tuple[FenceArea, ...], valid_us: int) -> vehicle.FenceReport:
@@ -301,7 +303,7 @@ class VehicleReports:
 
     @property
     def untold_parameters(self) -> tuple[str, ...]:
-        """Those of the fence and of the failsafe that the vehicle has not reported."""
+        """Those of the fence, of the failsafe and of its speeds that the vehicle has not reported."""
         return self._parameters.untold(self.autopilot)
 
 

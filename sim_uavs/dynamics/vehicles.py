@@ -10,6 +10,7 @@ import numpy as np
 
 from navigation import vehicle
 from navigation.cameras.pinhole import Attitude, PanTilt
+from navigation.cruise import CruiseReport
 from navigation.geodesy import LocalFrame
 from navigation.heard_aircraft import HeardAircraft
 from navigation.mission_plans import MissionPlanReport
@@ -289,6 +290,7 @@ class SimulatedVehicle(SensedFlight):
             vehicle.HomeReport(stamp_us, *self.config.home),
             vehicle.BatteryReport(stamp_us, flight.body.charge),
             self._failsafe.report(stamp_us),
+            CruiseReport(stamp_us, flight.settings.cruise_m_s, flight.settings.climb_m_s, flight.settings.descent_m_s),
         ]
         if isinstance(flight.target, GoingTo):
             found.append(vehicle.TargetReport(stamp_us, *self._frame.from_ned(*flight.target.point)))

@@ -173,14 +173,16 @@ def test_without_a_home_no_altitude_is_promised_but_holding_is() -> None:
     assert orders(flown.order(HoldOrder())) == [HoldOrder()]
 
 
-def test_an_order_is_refused_while_the_vehicle_gives_way_but_landing_is_not() -> None:
+@pytest.mark.parametrize("order", [LandOrder(), HoldOrder()])
+def test_an_order_is_refused_while_the_vehicle_gives_way_but_landing_and_stopping_are_not(
+    order: LandOrder | HoldOrder,
+) -> None:
     flown = pilot()
     at(flown)
     flown.divert(None)
-    for order in (GoToOrder(58.0, 15.0, 100.0), HoldOrder()):
-        with pytest.raises(Refused, match="giving way to another"):
-            flown.order(order)
-    assert orders(flown.order(LandOrder())) == [LandOrder()]
+    with pytest.raises(Refused, match="giving way to another"):
+        flown.order(GoToOrder(58.0, 15.0, 100.0))
+    assert orders(flown.order(order)) == [order]
     assert flown.flying == "order"
 
 

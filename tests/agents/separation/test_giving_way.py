@@ -10,7 +10,8 @@ from agents.separation.giving_way import GivingWay
 from agents.separation.neighbourhood import Neighbourhood
 from federation.messages.contents import Goto, Hold
 from navigation.intents.intent import IntentSource
-from navigation.vehicle import GoToOrder
+from navigation.vehicle import GoToOrder, HoldOrder, LandOrder, ReturnHomeOrder
+from reasoning import NEITHER_CAN_AVOID
 from tests.agents.separation.meetings import deaf_to_acts, meeting, notes, orders, refusals
 from tests.box import METRE_DEG, Box
 
@@ -123,14 +124,30 @@ def test_without_a_task_nobody_gives_way(wire: Box) -> None:
     assert orders(wire, "0") == orders(wire, "1") == []
 
 
-def test_a_users_order_comes_after_giving_way_and_ends_are_kept(wire: Box) -> None:
+def test_a_users_goto_comes_after_giving_way_and_hold_stops_it_at_once(wire: Box) -> None:
     meeting(wire)
     wire.run(15.0)
     assert orders(wire, "1")
     refused = wire.asked("cc", "1", Goto(latitude_deg=58.0, longitude_deg=15.0, altitude_m=80.0))
     assert "giving way" in (refused.reason or "")
-    stopped = wire.asked("cc", "1", Hold())
-    assert "giving way" in (stopped.reason or "")
+    wire.question("cc", "1", Hold())
+    wire.run(0.5)
+    assert isinstance(orders(wire, "1")[-1], HoldOrder)
+    assert not any(isinstance(order, ReturnHomeOrder | LandOrder) for order in orders(wire, "1"))
+
+
+@pytest.mark.parametrize("able", [True, False])
+def test_one_that_no_longer_knows_where_it_is_says_so_to_those_that_it_meets(wire: Box, *, able: bool) -> None:
+    """Its intent flies on: the other is to avoid it, or where that cannot either, both are warned."""
+    meeting(wire, zero={"control": able})
+    wire.run(2.0)
+    wire.vehicle("1").is_lost = True
+    wire.run(16.0)
+    if able:
+        assert orders(wire, "0"), "the other makes room"
+        return
+    (event,) = [each for each in alarms(wire, "1", NEITHER_CAN_AVOID) if each.event == "opened"]
+    assert "its position has not been known" in event.values["reason[1]"]
 
 
 def test_a_plan_is_what_an_intent_says(wire: Box) -> None:

@@ -136,7 +136,9 @@ class Airspace:
         match step:
             case Propose(unit, _):
                 if self.now_s < by_unit[unit].silent_s:
-                    one.logic.on_agreed(unit)
+                    for begun in one.logic.on_agreed(unit, now_us):
+                        one.steps.append((self.now_s, begun))
+                        self._carry_out(one, begun, by_unit, now_us)
             case Fly():
                 if one.refuses:
                     one.logic.on_not_flown("autopilot: denied", now_us, overtaken=True)

@@ -3,8 +3,10 @@
 import pytest
 from pymavlink.dialects.v20 import ardupilotmega as mavlink
 
+from navigation.cruise import CruiseReport
 from navigation.vehicle import FailsafeReport, LinkLossAction
 from proxies.mavlink.reports import VehicleReports
+from sim_uavs.dynamics.settings import PersonaName
 from tests.proxies.mavlink.test_reports import heartbeat
 from tests.sim_uavs.piloted import Piloted
 
@@ -48,3 +50,20 @@ def test_the_options_of_an_arducopter_count(
         (told,) = known.reports(mavlink.MAVLink_param_value_message(name, float(value), kind, 9, 0), 1)
     assert isinstance(told, FailsafeReport)
     assert (told.action, told.in_mission, told.return_height_m, told.delay_s) == (guided, mission, 30.0, None)
+
+
+@pytest.mark.parametrize("persona", ["ardupilot", "px4"])
+def test_an_autopilot_says_how_fast_it_flies_to_places(persona: PersonaName) -> None:
+    flown = Piloted(persona)
+    assert flown.pilot.cruise[1:] == (8.0, 3.0, 2.0)
+
+
+@pytest.mark.parametrize(
+    ("name", "value", "speed_m_s"), [(b"WPNAV_SPEED", 750.0, 7.5), (b"WP_SPD", 12.0, 12.0), (b"WPNAV_SPEED", 0.0, None)]
+)
+def test_older_arducopters_say_it_in_centimetres(name: bytes, value: float, speed_m_s: float | None) -> None:
+    known = VehicleReports()
+    known.reports(heartbeat(), 1)
+    (told,) = known.reports(mavlink.MAVLink_param_value_message(name, value, mavlink.MAV_PARAM_TYPE_REAL32, 9, 0), 1)
+    assert isinstance(told, CruiseReport)
+    assert (told.speed_m_s or None) == speed_m_s

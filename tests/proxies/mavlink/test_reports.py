@@ -230,7 +230,7 @@ def test_an_ardupilots_fence_is_read_from_its_parameters(enabled: int, kinds: in
         ("FENCE_RADIUS", 300.0, REAL),
         ("FENCE_TYPE", float(kinds), INT8),
         ("FENCE_ENABLE", float(enabled), INT8),
-        ("WPNAV_SPEED", 500.0, REAL),
+        ("ANGLE_MAX", 3000.0, REAL),
     )
     assert told[1:4] == bounds
 
