@@ -8,7 +8,7 @@ from typing import Final
 import numpy as np
 
 from navigation.geodesy import metres_per_degree
-from navigation.terrain.grid import HIGHEST_M, LOWEST_M, VOID, ElevationGrid, Floats, unreadable
+from navigation.terrain.grid import HIGHEST_M, LOWEST_M, VOID, Floats, HeightGrid, unreadable
 
 MOST_BYTES: Final = 256 * 2**20
 FINEST_M: Final = 10.0
@@ -25,7 +25,7 @@ _AGAIN: Final = "it is cut or damaged; fetch it again"
 _DEGREES: Final = "bring it to degrees: gdalwarp -t_srs EPSG:4326 -r bilinear IN OUT.tif && gdal_translate -of AAIGrid OUT.tif OUT.asc"
 
 
-def read_ascii_grid(data: bytes) -> ElevationGrid:
+def read_ascii_grid(data: bytes) -> HeightGrid:
     """The grid of a text; raises DecodeError with cause and remedy."""
     header, at = _header(data)
     columns, rows = _count(header, "ncols"), _count(header, "nrows")
@@ -39,7 +39,7 @@ def read_ascii_grid(data: bytes) -> ElevationGrid:
     if not (-181.0 <= west <= 181.0 and east <= west + 361.0 and -91.0 <= south <= north <= 91.0):
         raise unreadable(f"x from {west:g} to {east:g}, y from {south:g} to {north:g} are no degrees", _DEGREES)
     heights = _heights(data[at:], rows, columns, header.get("nodata_value", _USUAL_VOID))
-    return _coarser(ElevationGrid(north, west, high, wide, heights.astype(np.float32)))
+    return _coarser(HeightGrid(north, west, high, wide, heights.astype(np.float32)))
 
 
 def _header(data: bytes) -> tuple[dict[str, float], int]:
@@ -67,7 +67,7 @@ def _value(header: dict[str, float], name: str) -> float:
 def _count(header: dict[str, float], name: str) -> int:
     value = _value(header, name)
     if value != int(value) or value < 2:
-        raise unreadable(f"header: {name} is {value:g}", "at least 2 rows and columns are wanted")
+        raise unreadable(f"header: {name} is {value:g}", "a grid has at least 2 rows and 2 cells in each")
     return int(value)
 
 
@@ -120,7 +120,7 @@ def _is_number(word: bytes) -> bool:
         return False
 
 
-def _coarser(grid: ElevationGrid) -> ElevationGrid:
+def _coarser(grid: HeightGrid) -> HeightGrid:
     """A grid whose posts are at least some metres apart; each has the highest height of all posts up to the next ones."""
     north_m, east_m = metres_per_degree(grid.north_deg)
     down = max(1, ceil(FINEST_M / (grid.latitude_step_deg * north_m) - 0.5))
@@ -136,7 +136,7 @@ def _coarser(grid: ElevationGrid) -> ElevationGrid:
         grid.heights, ((0, rows - grid.heights.shape[0]), (0, columns - grid.heights.shape[1])), mode="edge"
     )
     highest = maximum_filter(padded, size=(2 * down + 1, 2 * right + 1), mode="nearest")[::down, ::right]
-    return ElevationGrid(
+    return HeightGrid(
         grid.north_deg, grid.west_deg, grid.latitude_step_deg * down, grid.longitude_step_deg * right,
         np.ascontiguousarray(highest),
     )  # fmt: skip

@@ -7,7 +7,7 @@ from typing import Final
 import numpy as np
 
 from navigation.geodesy import metres_per_degree
-from navigation.terrain.grid import BoxedWay, ElevationGrid, HighGround
+from navigation.terrain.grid import BoxedWay, HeightGrid, HighGround
 
 NEAR_M: Final = 30.0
 """The ground so far north, south, east and west of a place counts as that below it."""
@@ -23,9 +23,9 @@ class Elevation:
         name: what they were read from, for users.
     """
 
-    def __init__(self, grids: Sequence[ElevationGrid], name: str = "") -> None:
+    def __init__(self, grids: Sequence[HeightGrid], name: str = "") -> None:
         self.grids, self.name = tuple(grids), name
-        self._of_degrees: dict[tuple[int, int], list[ElevationGrid]] = {}
+        self._of_degrees: dict[tuple[int, int], list[HeightGrid]] = {}
         for grid in grids:
             for latitude in range(floor(grid.south_deg), floor(grid.north_deg) + 1):
                 for longitude in range(floor(grid.west_deg), floor(grid.east_deg) + 1):
@@ -75,7 +75,7 @@ class Elevation:
         unknown = start[0] + north_deg * at, _between_180(start[1] + east_deg * at)
         return best._replace(unknown=unknown)
 
-    def _near(self, south_deg: float, north_deg: float, west_deg: float, east_deg: float) -> list[ElevationGrid]:
+    def _near(self, south_deg: float, north_deg: float, west_deg: float, east_deg: float) -> list[HeightGrid]:
         """The grids of those degrees, each once."""
         rows, columns = range(floor(south_deg), floor(north_deg) + 1), range(floor(west_deg), floor(east_deg) + 1)
         if len(rows) * len(columns) > len(self._of_degrees):

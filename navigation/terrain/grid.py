@@ -17,7 +17,7 @@ VOID: Final = -32_768
 LOWEST_M, HIGHEST_M = -12_000.0, 9_000.0
 """Between them is all ground and sea bed."""
 _EDGE: Final = 1e-6
-"""So many rows or columns outside a place is on the edge, but for rounding."""
+"""A place that is no farther outside, in distances between posts, is on the edge but for rounding."""
 _QUICK_POSTS: Final = 50_000
 """Of no more posts the highest is looked for before the way is followed."""
 
@@ -76,7 +76,7 @@ class BoxedWay(NamedTuple):
 
 
 @dataclass(frozen=True, slots=True, eq=False)
-class ElevationGrid:
+class HeightGrid:
     """Posts in rows from north to south, each row from west to east.
 
     Attributes:
@@ -160,7 +160,7 @@ class ElevationGrid:
         return HighGround(height_m, latitude_deg, west_deg + float(x[box, column]) * self.longitude_step_deg)
 
     def _known(self, rows: Floats, columns: Floats) -> Floats:
-        """The heights at rows and columns; NaN: outside, or not known."""
+        """The heights at places inside or not; NaN: outside, or not known."""
         last_row, last_column = len(self.heights) - 1, len(self.heights[0]) - 1
         inside = (rows >= -_EDGE) & (rows <= last_row + _EDGE)
         inside &= (columns >= -_EDGE) & (columns <= last_column + _EDGE)

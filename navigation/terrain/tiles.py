@@ -5,7 +5,7 @@ from typing import Final
 
 import numpy as np
 
-from navigation.terrain.grid import HIGHEST_M, LOWEST_M, VOID, ElevationGrid, unreadable
+from navigation.terrain.grid import HIGHEST_M, LOWEST_M, VOID, HeightGrid, unreadable
 
 SIDES: Final = (3601, 1201)
 """Posts of a side, 1 and 3 arc seconds apart."""
@@ -23,7 +23,7 @@ def corner_of(name: str) -> tuple[int, int]:
     raise unreadable("its name has no south-west corner", "call the tile from 55 to 56 N, 13 to 14 E N55E013.hgt")
 
 
-def read_tile(name: str, data: bytes) -> ElevationGrid:
+def read_tile(name: str, data: bytes) -> HeightGrid:
     """The grid of a tile: big-endian heights, rows from north to south; raises DecodeError with cause and remedy."""
     south, west = corner_of(name)
     side = next((each for each in SIDES if len(data) == 2 * each * each), None)
@@ -38,4 +38,4 @@ def read_tile(name: str, data: bytes) -> ElevationGrid:
             f"row {row + 1}, post {column + 1}: {heights[row, column]} m is no height of ground",
             "its numbers are to be big-endian metres; fetch it again",
         )
-    return ElevationGrid(south + 1.0, float(west), 1.0 / (side - 1), 1.0 / (side - 1), heights)
+    return HeightGrid(south + 1.0, float(west), 1.0 / (side - 1), 1.0 / (side - 1), heights)

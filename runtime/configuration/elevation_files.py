@@ -7,7 +7,7 @@ from typing import Final
 from dyknow.model.errors import DecodeError, WrongCall
 from navigation.terrain.ascii_grid import MOST_BYTES, read_ascii_grid
 from navigation.terrain.elevation import Elevation
-from navigation.terrain.grid import ElevationGrid
+from navigation.terrain.grid import HeightGrid
 from navigation.terrain.tiles import SIDES, read_tile
 from proxies.files.named_files import bounded_bytes
 
@@ -53,7 +53,7 @@ def _files(path: Path) -> list[Path]:
     return [path]
 
 
-def _grid(file: Path, size: int) -> ElevationGrid:
+def _grid(file: Path, size: int) -> HeightGrid:
     """Raises WrongCall."""
     is_tile = file.suffix.lower() == _TILE
     most = 2 * max(SIDES) ** 2 if is_tile else MOST_BYTES

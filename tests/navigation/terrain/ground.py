@@ -5,7 +5,7 @@ from collections.abc import Callable
 import numpy as np
 
 from navigation.geodesy import metres_per_degree
-from navigation.terrain.grid import ElevationGrid
+from navigation.terrain.grid import HeightGrid
 
 SECOND_DEG = 1 / 3600.0
 Surface = Callable[[np.ndarray, np.ndarray], np.ndarray]
@@ -13,11 +13,11 @@ Surface = Callable[[np.ndarray, np.ndarray], np.ndarray]
 
 def grid_of(
     surface: Surface, north_deg: float = 55.02, west_deg: float = 13.0, posts: int = 73, step_deg: float = SECOND_DEG
-) -> ElevationGrid:
+) -> HeightGrid:
     """A grid of float32 heights; `surface` takes latitudes and longitudes."""
     steps = np.arange(posts) * step_deg
     latitudes, longitudes = np.meshgrid(north_deg - steps, west_deg + steps, indexing="ij")
-    return ElevationGrid(north_deg, west_deg, step_deg, step_deg, surface(latitudes, longitudes).astype(np.float32))
+    return HeightGrid(north_deg, west_deg, step_deg, step_deg, surface(latitudes, longitudes).astype(np.float32))
 
 
 def tile_bytes(south: int, west: int, surface: Surface, side: int = 1201) -> bytes:
@@ -36,7 +36,7 @@ def ridge(at_longitude_deg: float, height_m: float, half_width_deg: float, base_
     return surface
 
 
-def densest_m(grid: ElevationGrid, start: tuple[float, float], end: tuple[float, float], near_m: float) -> float:
+def densest_m(grid: HeightGrid, start: tuple[float, float], end: tuple[float, float], near_m: float) -> float:
     """The highest ground that a look every metre finds on the way, and up to `near_m` north, south, east and west of it."""
     north_m, east_m = metres_per_degree((start[0] + end[0]) / 2.0)
     far_m = float(np.hypot((end[0] - start[0]) * north_m, (end[1] - start[1]) * east_m))

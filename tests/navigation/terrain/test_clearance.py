@@ -9,7 +9,7 @@ from hypothesis import strategies as st
 from navigation.geodesy import metres_per_degree
 from navigation.terrain.clearance import HOVERS_M, STOPS_M, AerialPlace, judge_way
 from navigation.terrain.elevation import NEAR_M, Elevation
-from navigation.terrain.grid import ElevationGrid
+from navigation.terrain.grid import HeightGrid
 from tests.navigation.terrain.ground import SECOND_DEG, densest_m, grid_of, ridge
 
 FLOOR_M = 10.0
@@ -40,7 +40,7 @@ def test_a_way_is_refused_if_and_only_if_the_ground_on_it_or_near_it_is_too_high
         assert densest_m(grid, end[:2], end[:2], NEAR_M) <= end.altitude_m - FLOOR_M + 0.02
 
 
-def may_stop_or_climb(grid: ElevationGrid, start: AerialPlace, end: AerialPlace) -> bool:
+def may_stop_or_climb(grid: HeightGrid, start: AerialPlace, end: AerialPlace) -> bool:
     away_m = np.hypot((end[0] - start[0]) * NORTH_M, (end[1] - start[1]) * EAST_M)
     too_low = densest_m(grid, start[:2], start[:2], NEAR_M) > start.altitude_m - FLOOR_M - 0.02
     return bool(too_low and away_m < STOPS_M + 0.1 and end.altitude_m >= start.altitude_m - 0.02)

@@ -9,7 +9,7 @@ from hypothesis import strategies as st
 
 from navigation.geodesy import metres_per_degree
 from navigation.terrain.elevation import NEAR_M, Elevation
-from navigation.terrain.grid import VOID, ElevationGrid
+from navigation.terrain.grid import VOID, HeightGrid
 from navigation.terrain.tiles import read_tile
 from tests.navigation.terrain.ground import SECOND_DEG, densest_m, grid_of, tile_bytes
 
@@ -17,7 +17,7 @@ SLOPES = st.floats(-2000.0, 2000.0)
 SHARES = st.floats(0.0, 1.0)
 
 
-def place(grid: ElevationGrid, down: float, right: float) -> tuple[float, float]:
+def place(grid: HeightGrid, down: float, right: float) -> tuple[float, float]:
     return (
         grid.north_deg - down * (grid.north_deg - grid.south_deg),
         grid.west_deg + right * (grid.east_deg - grid.west_deg),

@@ -7,8 +7,12 @@ import numpy as np
 import pytest
 
 from dyknow.model.errors import WrongCall
+from federation.members.clock import FederationClock
+from runtime.clock import NodeClock
 from runtime.configuration import elevation_files
+from runtime.configuration.config import NodeConfig
 from runtime.configuration.elevation_files import read_elevation
+from runtime.vehicles import VehiclePorts
 from tests.navigation.terrain.ground import tile_bytes
 
 HEADER = "ncols 4\nnrows 3\nxllcorner 13.0\nyllcorner 55.0\ncellsize 0.001\nNODATA_value -9999\n"
@@ -71,6 +75,19 @@ def test_no_data_may_be_no_number_and_rows_may_be_broken_anywhere(tmp_path: Path
     assert ground.height_m(55.0005, 13.0005) == pytest.approx(9.0)
 
 
+def test_a_platform_notes_the_ground_that_its_floor_is_above(tmp_path: Path) -> None:
+    config = NodeConfig(unit="1", elevation=written(tmp_path / "ground.asc", HEADER + ROWS), floor_m=15.0)
+    notes: list[str] = []
+    clock = FederationClock()
+    ports = VehiclePorts(config, clock, NodeClock(), lambda _report: None, lambda: None, note=notes.append)
+    limits = ports.limits()
+    assert limits.floor_m == 15.0
+    assert limits.elevation is read_elevation(tmp_path / "ground.asc")
+    (note,) = notes
+    assert note.startswith("the floor of 15 m is above the ground, too: ")
+    assert note.endswith("ground.asc: 1 grid with posts 111 m apart, 55.0005 to 55.0025 N, 13.0005 to 13.0035 E")
+
+
 def rejected(path: Path) -> str:
     with pytest.raises(WrongCall) as wrong:
         read_elevation(path)
@@ -87,8 +104,8 @@ def rejected(path: Path) -> str:
         (HEADER.replace("cellsize 0.001\n", "") + ROWS, "its header has no cellsize"),
         (HEADER.replace("nrows 3", "nrows x") + ROWS, "header: nrows is no number"),
         (HEADER.replace("nrows 3", "nrows") + ROWS, "header: nrows is no number"),
-        (HEADER.replace("nrows 3", "nrows 2.5") + ROWS, "header: nrows is 2.5; at least 2 rows"),
-        (HEADER.replace("nrows 3", "nrows -3") + ROWS, "header: nrows is -3; at least 2 rows"),
+        (HEADER.replace("nrows 3", "nrows 2.5") + ROWS, "header: nrows is 2.5; a grid has at least 2 rows"),
+        (HEADER.replace("nrows 3", "nrows -3") + ROWS, "header: nrows is -3; a grid has"),
         (HEADER.replace("ncols 4", "ncols 1e9") + ROWS, "it has 1000000000 x 3 cells; at most"),
         (HEADER.replace("ncols 4", "ncols 1e400") + ROWS, "header: ncols is inf"),
         (HEADER.replace("ncols 4", "ncols 40000") + ROWS, "the text is too short for them; it is cut"),
