@@ -1,5 +1,6 @@
 """Intents flown ahead: tubes have the flight in them, closeness is symmetric, and what is planned is free of all others."""
 
+from itertools import pairwise
 from math import hypot, inf, nan
 
 import numpy as np
@@ -172,6 +173,20 @@ def test_where_nothing_is_allowed_there_is_no_plan() -> None:
     head_on = fly(FlatMotion(110.0, 0.0, 60.0, -5.0, 0.0, 0.0), [to(-100, 0)], HOVER, COPTER)
     found = plan(yields(north_bound(), [to(200, 0)], head_on)._replace(allowed=lambda _place, _before: False))
     assert found is None
+
+
+def test_each_place_is_judged_from_the_one_before_it() -> None:
+    judged: list[tuple[FlatPlace, FlatPlace | None]] = []
+
+    def allowed(place: FlatPlace, before: FlatPlace | None) -> bool:
+        judged.append((place, before))
+        return True
+
+    head_on = fly(FlatMotion(110.0, 0.0, 60.0, -5.0, 0.0, 0.0), [to(-100, 0)], HOVER, COPTER)
+    assert plan(yields(north_bound(), [to(200, 0), to(200, 80)], head_on)._replace(allowed=allowed)) is not None
+    assert judged[0][1] is None
+    assert any(before is not None for _, before in judged)
+    assert all(before in {None, place} for (place, _), (_, before) in pairwise(judged))
 
 
 def test_the_way_is_free_again_when_the_other_is_past() -> None:
