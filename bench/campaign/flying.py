@@ -29,6 +29,8 @@ from sim_uavs.world.world import World
 S = 1_000_000
 TASK_S, BEGIN_S = 2.0, 6.0
 """When, after the world began, the monitoring is delegated, and the vehicles set out."""
+AGAIN_US = 2 * S
+"""How often the user who delegates looks whether the task has failed."""
 FRAME = LocalFrame(*ORIGIN)
 CENTRE = "cc"
 LOSSY = SessionLink(delay_us=300, jitter_us=0, loss=0.3)
@@ -200,7 +202,10 @@ class CampaignFlight:
         self.asked[number] = self.world.ask(CENTRE, str(number), goto)
 
     def _delegate(self) -> None:
-        """As a user does: to the first platform that runs."""
+        """As a user does: to the first platform that runs, and again when that is reported as not delivered."""
+        self.world.at(self.world.now_us + AGAIN_US, self._delegate)
+        if self.task is not None and self.task.failed is None:
+            return
         for unit, node in self.world.nodes.items():
             if unit != CENTRE and node.process is not None:
                 self.task = self.world.ask(CENTRE, unit, MonitorProximity())

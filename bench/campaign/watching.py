@@ -56,6 +56,7 @@ class WatchedUnit:
         flies_itself: whether its autopilot returns or lands by itself: its link, its battery or its fence was the reason.
         taken_since_us: since when its pilot has it, which ends only when a user asks for it: in no flight of the campaign.
         manoeuvres: how many orders to keep apart it was given.
+        is_stranded: whether its process ended during a manoeuvre: the vehicle carries that out, and stands there.
     """
 
     arrived_s: float | None = None
@@ -68,6 +69,7 @@ class WatchedUnit:
     number: int = -1
     manoeuvres: int = 0
     is_manoeuvring: bool = False
+    is_stranded: bool = False
     reasonless_since_us: int | None = None
     last_alarm: AlarmEvent | None = None
     taken_since_us: int | None = None
@@ -219,6 +221,7 @@ class Watch:
             for pair in [pair for pair in self._open if pair[0] == number]:
                 self._close_all(pair, now_us)
         if platform is None:
+            unit.is_stranded = unit.is_stranded or unit.is_manoeuvring
             unit.is_manoeuvring, unit.reasonless_since_us = False, None
             return
         self._read_alarms(number, unit, platform, now_us)
@@ -227,7 +230,7 @@ class Watch:
         if found is not None and found.number != unit.number:
             unit.number = found.number
             unit.manoeuvres += 1
-        if found is None or found.reasons:
+        if found is None or found.reasons or unit.silent_since_us is not None:
             unit.reasonless_since_us = None
         elif unit.reasonless_since_us is None:
             unit.reasonless_since_us = now_us

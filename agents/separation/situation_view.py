@@ -34,7 +34,7 @@ MOST_FLOWN_ON_S: Final = 60.0
 _FAR_M: Final = 5_000.0
 
 
-class Surroundings:
+class SituationView:
     """See the module.
 
     Args:
@@ -67,7 +67,8 @@ class Surroundings:
         cannot = "" if own.rank is not RightOfWay.CANNOT else self._cannot_words
         now_us, motion, legs = fix.valid_us, motion_of(own, origin), tuple(flat_legs(own.legs, origin))
         performance = performance_of(own)
-        if pilot.now_us - now_us > OLD_US:
+        is_blind = pilot.now_us - now_us > OLD_US
+        if is_blind:
             age_s = (pilot.now_us - now_us) / 1e6
             cannot = f"its position has not been known for {age_s:.0f} s"
             motion = _flown_on(motion, legs, own.ending, performance, min(age_s, MOST_FLOWN_ON_S))
@@ -75,7 +76,7 @@ class Surroundings:
         traffic = around.others.near(origin, fix, max(own.speed_m_s, fix.speed_m_s), now_us, STEPS)
         return Situation(
             now_us, own.rank, cannot, motion, legs, own.ending, performance, around.others.by_unit, traffic,
-            partial(may_fly_to, pilot, origin),
+            partial(may_fly_to, pilot, origin), is_blind,
         )  # fmt: skip
 
     def traffic_now(self, now: Situation) -> Traffic3D:
