@@ -303,12 +303,16 @@ class TakeOffOrder(NamedTuple):
 
 
 class GoToOrder(NamedTuple):
-    """Fly to a point; altitude above mean sea level; speed None leaves the vehicle's own."""
+    """Fly to a point; altitude above mean sea level; speed None leaves the vehicle's own.
+
+    `stops`: the point is where it is, and it is to stop there or as soon as it can, perhaps at another height.
+    """
 
     latitude_deg: float
     longitude_deg: float
     altitude_m: float
     speed_m_s: float | None = None
+    stops: bool = False
 
 
 class HoldOrder(NamedTuple):
@@ -326,11 +330,12 @@ class ReturnHomeOrder(NamedTuple):
 
 
 class InterruptOrder(NamedTuple):
-    """Leave the mission that is being flown, and go to a point; altitude above mean sea level."""
+    """Leave the mission that is being flown, and go to a point; altitude above mean sea level; `stops` as of a `GoToOrder`."""
 
     latitude_deg: float
     longitude_deg: float
     altitude_m: float
+    stops: bool = False
 
 
 class ResumeMissionOrder(NamedTuple):

@@ -46,6 +46,7 @@ class CommandedVehicle(HeardVehicle):
     _resumed_us: int = -RESUMES_US
     _before: vehicle.Order | None = None
     _aside: vehicle.Order | InterruptedMission | None = None
+    _has_diverted: bool = False
     _suspended: bool = False
     _rests: str = ""
     _takes_off: bool = False

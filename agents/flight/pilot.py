@@ -186,8 +186,15 @@ class Pilot(CommandedVehicle):
             self._aside = self._doing()
         if self.errand is not None and not self.errand.is_over:
             self.errand.end(OrderProgress.OVERTAKEN, "the vehicle gives way to another")
+        self._has_diverted = self._aside_is_left(self.diversion)
         self.diversion = self._errand(order)
         return [self.diversion.command]
+
+    def _aside_is_left(self, before: Errand | None) -> bool:
+        """Whether the vehicle has left what it did for a manoeuvre before the present one."""
+        return before is not None and (
+            self._has_diverted or before.progress not in {OrderProgress.REFUSED, OrderProgress.SENT}
+        )
 
     def _doing(self) -> vehicle.Order | InterruptedMission | None:
         """What the vehicle does, to return to it; the plan needs no memory."""
@@ -216,6 +223,8 @@ class Pilot(CommandedVehicle):
                 self.leg = min(self.leg, len(self.plan.waypoints) - 1)  # who had arrived returns to where it was
             return [] if self.fix is None else self._fly(self.fix.valid_us)
         if diversion is None or diversion.progress is OrderProgress.REFUSED:
+            if diversion is not None and self._has_diverted:
+                self.note("it stands where it made room: its autopilot has refused to fly the rest of that")
             return []
         if aside is None and not self._flies_elsewhere(diversion):
             self.note("it is not known where the vehicle was going: it holds")

@@ -7,7 +7,7 @@ from agents.separation.neighbourhood import Neighbourhood
 from agents.separation.neighbours import tube_of
 from agents.separation.records import legs_of
 from agents.separation.situation import Situation
-from agents.separation.surroundings import Surroundings
+from agents.separation.situation_view import SituationView
 from dyknow.model.errors import Refused
 from federation.messages.contents import Avoid
 from navigation.intents.intent import Contingency, IntendedPlace, Intent, IntentEnding, IntentSource, RightOfWay
@@ -20,11 +20,9 @@ SOON_S: Final = 20.0
 class AvoidAnswers:
     """See the module; `logic` and `neighbourhood` take what is agreed to."""
 
-    def __init__(
-        self, unit: str, logic: SeparationLogic, neighbourhood: Neighbourhood, surroundings: Surroundings
-    ) -> None:
+    def __init__(self, unit: str, logic: SeparationLogic, neighbourhood: Neighbourhood, view: SituationView) -> None:
         self._unit, self._logic = unit, logic
-        self._neighbourhood, self._surroundings = neighbourhood, surroundings
+        self._neighbourhood, self._view = neighbourhood, view
 
     def answer(self, other: str, content: Avoid) -> str:
         """What is agreed to, in words.
@@ -49,7 +47,7 @@ class AvoidAnswers:
             raise Refused(f"the position of {other} has leapt", "implausible")
         if not self._neighbourhood.is_watched:
             raise Refused("no task here keeps vehicles apart", "unwatched")
-        situation = self._surroundings.situation()
+        situation = self._view.situation()
         if situation is None:
             raise Refused("the vehicle is on the ground or not armed", "grounded")
         if content.because is not None:
@@ -61,7 +59,7 @@ class AvoidAnswers:
         known = self._neighbourhood.others.by_unit[other]
         if known.said:
             known.intent = known.intent._replace(rank=RightOfWay.CANNOT, legs=legs)
-        now = now._replace(traffic=self._surroundings.traffic_now(now))
+        now = now._replace(traffic=self._view.traffic_now(now))
         if not self._logic.meets(now, other) <= SOON_S:
             raise Refused(f"nothing here shows that {other} comes near", "no-evidence")
         known.cannot, known.cannot_us = because, now.now_us
@@ -88,7 +86,7 @@ class AvoidAnswers:
         return f"{other} makes room"
 
     def _is_met(self, proposed: Intent, now: Situation) -> bool:
-        origin = self._surroundings.origin
+        origin = self._view.origin
         if origin is None:
             return False
         tube = tube_of(proposed, origin, now.now_us, STEPS)

@@ -33,7 +33,7 @@ from agents.separation.situation import (
     Step,
     Waits,
 )
-from agents.separation.surroundings import Surroundings
+from agents.separation.situation_view import SituationView
 from dyknow.model.errors import Refused
 from federation.members.clock import FederationClock
 from federation.messages.acts import Act, Performative
@@ -87,8 +87,8 @@ class GivingWay(Part):
         self._neighbourhood, self._monitors, self._coordination = neighbourhood, monitors, coordination
         self._log, self._emit, self._note, self._may_avoid = log, emit, note, may_avoid
         self.logic, self.refused = SeparationLogic(unit), Counter[str]()
-        self._surroundings = Surroundings(pilot, neighbourhood, self.logic, may_avoid=may_avoid)
-        self._answers = AvoidAnswers(unit, self.logic, neighbourhood, self._surroundings)
+        self._view = SituationView(pilot, neighbourhood, self.logic, may_avoid=may_avoid)
+        self._answers = AvoidAnswers(unit, self.logic, neighbourhood, self._view)
         self._blind_us = 0
         self._neither = NeitherAlarms(unit, on_alarm, note)
         self._reports, self._pursuits = Often(REPORTS, REPORTS_US), Often(PURSUES, PURSUES_US)
@@ -127,12 +127,12 @@ class GivingWay(Part):
     @property
     def deadline_us(self) -> int | None:
         """While vehicles are kept apart: when the position will be too old, and then twice a second."""
-        blind_us = self._surroundings.blind_from_us if self._neighbourhood.is_watched else None
+        blind_us = self._view.blind_from_us if self._neighbourhood.is_watched else None
         return None if blind_us is None else max(self._clock.wall_us(blind_us), self._blind_us)
 
     def on_time(self, now_us: int) -> None:
         """The position is not known any more: those that this vehicle meets are told."""
-        blind_us = self._surroundings.blind_from_us
+        blind_us = self._view.blind_from_us
         if blind_us is None or self._pilot.now_us < blind_us or now_us < self._blind_us:
             return
         self._blind_us = now_us + BLIND_LOOK_US
@@ -140,7 +140,7 @@ class GivingWay(Part):
             self._look(now_us)
 
     def _look(self, now_us: int) -> None:
-        situation = self._surroundings.situation()
+        situation = self._view.situation()
         if situation is None:
             self._end_all(now_us)
             return
@@ -193,7 +193,7 @@ class GivingWay(Part):
                 case Propose(unit, manoeuvre):
                     self._propose(
                         unit,
-                        Avoid(units=(self._unit, unit), legs=legs_text(self._surroundings.places(manoeuvre.places))),
+                        Avoid(units=(self._unit, unit), legs=legs_text(self._view.places(manoeuvre.places))),
                         now_us,
                     )
                 case LeaveTo(unit, reason):
@@ -243,7 +243,7 @@ class GivingWay(Part):
             else:
                 self._on_agreed(unit, now_us)
             return
-        situation = self._surroundings.situation()
+        situation = self._view.situation()
         if situation is not None and unit in situation.neighbours:
             unseen = reason.code == "no-evidence"
             self._do(self.logic.on_left_refused(unit, reason.text, situation, is_unseen=unseen), now_us)
@@ -252,7 +252,7 @@ class GivingWay(Part):
         manoeuvre = self.logic.manoeuvre
         if manoeuvre is None:  # what was flown before it could not be
             return
-        places = self._surroundings.places(manoeuvre.places)
+        places = self._view.places(manoeuvre.places)
         try:
             commands = self._pilot.divert(step.place.altitude_m, places[0][:2])
         except Refused as refused:

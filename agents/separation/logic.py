@@ -94,7 +94,7 @@ class SeparationLogic:
         mine = {unit for unit in soon if self.meetings[unit].state is MeetingState.MINE}
         if because:
             steps += [step for unit in soon for step in self._leave(now, unit, because)]
-            if now.cannot and self.manoeuvre is not None:
+            if now.cannot and not now.is_blind:
                 self.manoeuvre = None
             return steps
         if mine:
@@ -118,7 +118,7 @@ class SeparationLogic:
         seconds = first_meetings(closeness(tube, traffic.tubes, MINIMA))
         for at in np.flatnonzero(seconds <= within_s):
             unit = traffic.units[at]
-            if traffic.is_nominal[at] or now.neighbours[unit].is_silent(now.now_us):
+            if traffic.counts[at]:
                 found[unit] = min(found.get(unit, np.inf), float(seconds[at]))
         return found
 
@@ -189,11 +189,7 @@ class SeparationLogic:
         traffic = now.traffic
         tubes = traffic.tubes
         if not everything and traffic.units:
-            kept = [
-                nominal or now.neighbours[unit].is_silent(now.now_us)
-                for unit, nominal in zip(traffic.units, traffic.is_nominal, strict=True)
-            ]
-            tubes = tubes[np.array(kept)]
+            tubes = tubes[np.array(traffic.counts)]
         return Yielding(now.motion, now.legs, now.ending, now.performance, tubes, now.allowed)
 
     def _is_better(self, now: Situation, found: PlannedManoeuvre) -> bool:

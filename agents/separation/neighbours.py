@@ -27,6 +27,8 @@ MOST_OWN_M: Final = 30.0
 """No vehicle claims more room for itself than that: what it says is cut down to it."""
 LEAP_M, LEAP_M_S = 50.0, 60.0
 CREDIBLE_US: Final = 3_000_000
+FORMER_US: Final = 20_000_000
+"""So long one that has leapt is kept away from as well where it would be if it had not: the leap may be the lie."""
 CONTRADICTIONS: Final = 3
 """Looks running in which positions contradict an intent, or come without one, before they stand for it: one may be an outlier."""
 APART_M, APART_UP_M, MOVES_M_S, ASTRAY_M_S = 25.0, 12.0, 3.0, 6.0
@@ -49,6 +51,7 @@ class Neighbour:
         said: whether it is taken by an intent of its own; False: by its positions.
         contradicted: how many looks its positions have contradicted its intent; belied_us: when its positions last contradicted its intent; it is taken by them until that is `CREDIBLE_US` ago.
         leapt_us: when it was last somewhere where no vehicle gets so fast; the intent before stands then.
+        former: what it had published before it leapt, or was somewhere else after a silence, and when that came: it stands, too, until `FORMER_US` later.
         cannot: why it does not avoid us, in its own words, since `cannot_us`; empty: it has reported nothing of the kind.
     """
 
@@ -62,6 +65,8 @@ class Neighbour:
     candidate: Intent | None = None
     cannot: str = ""
     cannot_us: int = 0
+    former: tuple[Intent, int] | None = None
+    former_until_us: int = 0
     _tubes: list[Tube] = field(default_factory=list)
     _of: tuple[Intent, FlatOrigin, int] | None = None
 
@@ -77,8 +82,28 @@ class Neighbour:
             return RightOfWay.CANNOT
         return self.intent.rank
 
-    def tubes(self, origin: FlatOrigin, now_us: int, steps: int) -> list[Tube]:
-        """Where it will be from now on: as it has published, and as its autopilot flies it on a lost link."""
+    def keep_former(self, now_us: int) -> None:
+        """What is published from now on may be wrong: what was published before stands as well for a while."""
+        if self.former is None or now_us > self.former_until_us:
+            self.former = self.intent, self.heard_us
+        self.former_until_us = now_us + FORMER_US
+
+    def tubes(self, origin: FlatOrigin, now_us: int, steps: int) -> list[tuple[Tube, bool]]:
+        """Where it will be from now on, each with whether that counts while it is heard: as it has published, as its autopilot flies it
+        on a lost link, and as it would be if it had not leapt.
+        """
+        of_former = self._of_former(origin, now_us, steps)
+        return [*self._of_intent(origin, now_us, steps), *([] if of_former is None else [(of_former, True)])]
+
+    def _of_former(self, origin: FlatOrigin, now_us: int, steps: int) -> Tube | None:
+        if self.former is None or now_us > self.former_until_us:
+            return None
+        intent, heard_us = self.former
+        tube = tube_of(intent, origin, now_us, steps)
+        _grow(tube, (now_us - heard_us - SILENT_US) / 1e6)
+        return tube
+
+    def _of_intent(self, origin: FlatOrigin, now_us: int, steps: int) -> list[tuple[Tube, bool]]:
         age_s = self.age_s(now_us)
         needed = min(_LONGEST, STEPS * (1 + (steps + int(age_s / STEP_S)) // STEPS))
         if self._of is None or self._of[0] is not self.intent or self._of[1] is not origin or self._of[2] < needed:
@@ -86,12 +111,16 @@ class Neighbour:
             self._tubes = [nominal(self.intent, origin, needed), *([] if other is None else [other])]
             self._of = self.intent, origin, needed
         found = [later(tube, age_s, steps) for tube in self._tubes]
-        silent_s = (now_us - self.heard_us - SILENT_US) / 1e6
-        if silent_s > 0.0:
-            grows = np.minimum(GROWS_MOST_M, GROWS_M_S * (silent_s + np.arange(steps) * STEP_S))
-            for tube in found:
-                tube[4] += grows
-        return found
+        for tube in found:
+            _grow(tube, (now_us - self.heard_us - SILENT_US) / 1e6)
+        silent = self.is_silent(now_us)
+        return [(tube, at == 0 or silent) for at, tube in enumerate(found)]
+
+
+def _grow(tube: Tube, silent_s: float) -> None:
+    """Widen a tube of a vehicle that has been silent for so long."""
+    if silent_s > 0.0:
+        tube[4] += np.minimum(GROWS_MOST_M, GROWS_M_S * (silent_s + np.arange(tube.shape[1]) * STEP_S))
 
 
 def tube_of(intent: Intent, origin: FlatOrigin, now_us: int, steps: int) -> Tube:
@@ -101,11 +130,14 @@ def tube_of(intent: Intent, origin: FlatOrigin, now_us: int, steps: int) -> Tube
 
 
 class Traffic3D(NamedTuple):
-    """The tubes of several neighbours: an array of (K, 5, steps), with whose each is, and whether it is the nominal one."""
+    """The tubes of several neighbours: an array of (K, 5, steps), with whose each is, and whether it counts.
+
+    What an autopilot does on a lost link counts for planning alone while its vehicle is heard.
+    """
 
     tubes: npt.NDArray[np.float64]
     units: tuple[str, ...]
-    is_nominal: tuple[bool, ...]
+    counts: tuple[bool, ...]
 
 
 class Neighbours:
@@ -127,6 +159,13 @@ class Neighbours:
             return None
         if intent.at_us < known.intent.at_us:
             return None
+        if (
+            known.is_silent(now_us)
+            and known.leapt_us is None
+            and known.candidate is None
+            and _is_astray(known.intent, intent)
+        ):
+            known.keep_former(now_us)
         leap = leap_of(known.candidate or known.intent, intent)
         if leap is None and known.candidate is None:
             if intent.rank is not RightOfWay.CANNOT and intent.at_us > known.cannot_us + WORD_US:
@@ -139,6 +178,7 @@ class Neighbours:
             self.left_out["leap"] = self.left_out.get("leap", 0) + 1
             return f"{unit} {leap}: it is taken to be where it was until it is credible" if is_news else None
         if known.leapt_us is None or now_us - known.leapt_us >= CREDIBLE_US:
+            known.keep_former(now_us)
             known.intent, known.heard_us = intent, now_us
             known.candidate = known.leapt_us = None
         return None
@@ -203,21 +243,21 @@ class Neighbours:
         """The tubes of all that may come near within the steps."""
         tubes: list[Tube] = []
         units: list[str] = []
-        nominals: list[bool] = []
+        counting: list[bool] = []
         seconds = steps * STEP_S
         for each in self.airborne():
             intent = each.intent
             away_m = distance_m(own.latitude_deg, own.longitude_deg, intent.latitude_deg, intent.longitude_deg)
             fastest_m_s = max(intent.speed_m_s, hypot(intent.north_m_s, intent.east_m_s), 5.0)
             reach_m = (speed_m_s + fastest_m_s) * (seconds + min(each.age_s(now_us), 60.0)) + 100.0
-            if away_m > reach_m:
+            if away_m > reach_m and each.former is None:
                 continue
-            for at, tube in enumerate(each.tubes(origin, now_us, steps)):
+            for tube, counts in each.tubes(origin, now_us, steps):
                 tubes.append(tube)
                 units.append(each.unit)
-                nominals.append(at == 0)
+                counting.append(counts)
         stacked = np.stack(tubes) if tubes else np.empty((0, 5, steps))
-        return Traffic3D(stacked, tuple(units), tuple(nominals))
+        return Traffic3D(stacked, tuple(units), tuple(counting))
 
 
 def _bounded(intent: Intent) -> Intent:
@@ -239,6 +279,14 @@ def contradiction(intent: Intent, fix: Fix) -> str | None:
     if up_m > APART_UP_M + ALTITUDE_LEAP_M_S * seconds:
         return f"they are {up_m:.0f} m apart in height"
     return None
+
+
+def _is_astray(before: Intent, after: Intent) -> bool:
+    """Whether one that was silent is far from where its intent had it."""
+    origin = FlatOrigin.at(after.latitude_deg, after.longitude_deg)
+    north_m, east_m, low_m, high_m, radius_m = tube_of(before, origin, after.at_us, 1)[:, 0]
+    up_m = max(low_m - after.altitude_m, after.altitude_m - high_m)
+    return bool(hypot(north_m, east_m) > APART_M + radius_m or up_m > APART_UP_M)
 
 
 def leap_of(before: Intent, after: Intent) -> str | None:

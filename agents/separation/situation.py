@@ -84,9 +84,10 @@ class Situation(NamedTuple):
 
     Attributes:
         rank: its own right of way without a manoeuvre; cannot: why it may not be commanded, empty if it may.
+        is_blind: whether its position is not known: what it flies stands.
         motion, legs, ending, performance: its own, and what it would fly without others.
         neighbours: by unit; traffic: their tubes from now on.
-        allowed: whether it may stand at a place.
+        allowed: whether it may fly to a place, and stand there.
     """
 
     now_us: int
@@ -99,6 +100,7 @@ class Situation(NamedTuple):
     neighbours: Mapping[str, Neighbour]
     traffic: Traffic3D
     allowed: Allowed
+    is_blind: bool = False
 
 
 @dataclass(slots=True)

@@ -12,7 +12,11 @@ from sim_uavs.dynamics.flight import Mode
 
 LEAVES = frozenset({Mode.AUTO, Mode.RTL, Mode.LAND})
 """Modes out of which a platform with leave (`missions`) takes its vehicle in order to keep apart."""
-_EXPLAINING_NOTES = ("it is not known where the vehicle was going", "is where it is to fly")
+_EXPLAINING_NOTES = (
+    "it is not known where the vehicle was going",
+    "is where it is to fly",
+    "it stands where it made room",
+)
 
 
 class Manoeuvre(NamedTuple):

@@ -4,12 +4,16 @@ from collections.abc import Callable
 from random import Random
 
 from agents.flight.places import FlightLimits
-from bench.campaign import situations as ways
+from bench.campaign.bounds import bounded
 from bench.campaign.geometries import GEOMETRIES, drawn_ways
 from bench.campaign.situations import DrawnVehicle, Situation, Trouble, Way
 from sim_uavs.dynamics.quadcopter import AirframeLimits, Wind
-from sim_uavs.dynamics.settings import VehicleSettings
+from sim_uavs.dynamics.settings import PersonaName, VehicleSettings
 
+_PERSONAS: tuple[PersonaName, ...] = ("ardupilot", "px4")
+_WIRED = 0.5
+"""In that share of the situations the vehicles speak MAVLink, which costs more."""
+_RETURNS_BY_ITSELF = "battery failsafe"
 _Draw = Callable[[Random, int, int], Trouble]
 """Given the generator, a vehicle, and how many there are."""
 
@@ -34,7 +38,9 @@ def situation(seed: int) -> Situation:
             offset_us, drift_ppm = round(random.uniform(-within_us, within_us)), random.uniform(-20_000.0, 20_000.0)
             wrong = random.choice(((offset_us, 0.0), (0, drift_ppm)))
             vehicles[trouble.unit] = vehicles[trouble.unit]._replace(clock=wrong)
-    return Situation(seed, geometry, tuple(vehicles), troubles, wind)
+        elif trouble.kind == _RETURNS_BY_ITSELF:
+            vehicles[trouble.unit].settings.battery_low_action = random.choice((1.0, 2.0, 2.0, 2.0))
+    return Situation(seed, geometry, tuple(vehicles), troubles, wind, random.random() < _WIRED)
 
 
 def _vehicle(random: Random, way: Way) -> DrawnVehicle:
@@ -42,20 +48,8 @@ def _vehicle(random: Random, way: Way) -> DrawnVehicle:
     settings = VehicleSettings(
         cruise_m_s=way.speed_m_s, climb_m_s=random.choice((1.5, 2.5, 3.0)), descent_m_s=random.choice((1.0, 1.5, 2.0))
     )
-    if way.kind in {ways.RTL, ways.RTL_LEAVE}:
-        settings.return_m = way.highest_m
-    ceiling_m = FlightLimits().ceiling_m
-    bound = random.random()
-    if bound < 0.12:
-        settings.fence_on, settings.fence_kinds = 1.0, 1.0
-        settings.fence_highest_m = way.highest_m + random.uniform(3.0, 25.0)
-    elif bound < 0.18:
-        far_m = max(place.minus(way.start).horizontal for place in way.places)
-        settings.fence_on, settings.fence_kinds = 1.0, 2.0
-        settings.fence_radius_m = far_m + random.uniform(5.0, 60.0)
-    elif bound < 0.28:
-        ceiling_m = min(ceiling_m, way.highest_m + random.uniform(1.0, 15.0))
-    return DrawnVehicle(way, limits, settings, FlightLimits(ceiling_m=ceiling_m))
+    persona = random.choice(_PERSONAS)
+    return bounded(random, DrawnVehicle(way, limits, settings, FlightLimits(), persona=persona))
 
 
 def _at_s(random: Random) -> float:
@@ -82,6 +76,14 @@ def _process_dies(random: Random, unit: int, _count: int) -> Trouble:
     return Trouble("process dies", unit, _at_s(random), random.choice((None, random.uniform(2.0, 20.0))))
 
 
+def _clock_begins_to_lie(random: Random, unit: int, _count: int) -> Trouble:
+    """It leaps ahead, has stood still, or runs too fast or too slowly."""
+    within_us = random.choice((300_000.0, 5_000_000.0))
+    step_us, drift_ppm = round(random.uniform(-within_us, within_us)), random.uniform(-20_000.0, 20_000.0)
+    clock = random.choice(((step_us, 0.0), (0, drift_ppm)))
+    return Trouble("clock begins to lie", unit, _at_s(random), None, clock=clock)
+
+
 _TROUBLES: dict[str, _Draw] = {
     "process dies": _process_dies,
     "autopilot dies": _of_vehicle("autopilot dies", lambda _random: "killed", None),
@@ -96,6 +98,13 @@ _TROUBLES: dict[str, _Draw] = {
     "GPS leaps": _of_vehicle("GPS leaps", lambda random: f"teleport={random.uniform(60.0, 500.0):.0f}", (2.0, 20.0)),
     "GPS is lost": _of_vehicle("GPS is lost", lambda _random: "gps-loss", (2.0, 30.0)),
     "clock lies": lambda _random, unit, _count: Trouble("clock lies", unit, 0.0, None),
+    "clock begins to lie": _clock_begins_to_lie,
+    "battery is low": _of_vehicle(
+        "battery is low", lambda random: f"battery-low={random.uniform(10.0, 15.0):.1f}", None
+    ),
+    _RETURNS_BY_ITSELF: _of_vehicle(
+        _RETURNS_BY_ITSELF, lambda random: f"battery-low={random.uniform(12.0, 24.0):.1f}", None
+    ),
     "30 % loss": lambda _random, unit, _count: Trouble("30 % loss", unit, 0.0, None),
 }
 TROUBLES = tuple(_TROUBLES)

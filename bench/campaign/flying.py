@@ -10,6 +10,7 @@ from typing import NamedTuple
 from agents.config import PlatformConfig
 from agents.flight.places import FlightPlan, Waypoint
 from bench.campaign import situations as ways
+from bench.campaign.personas import PersonaVehicle
 from bench.campaign.situations import WITH_LEAVE, DrawnVehicle, Situation, Trouble
 from federation.messages.contents import Goto, Land, MonitorProximity, ReturnHome
 from federation.messages.dialogue import Dialogue
@@ -22,12 +23,14 @@ from sim_uavs.dynamics.scenarios import ORIGIN
 from sim_uavs.dynamics.settings import HomePlace, VehicleConfig
 from sim_uavs.dynamics.vehicles import SimulatedVehicle
 from sim_uavs.world.sessions import SessionLink
-from sim_uavs.world.units import WorldNode
+from sim_uavs.world.units import WorldNode, WorldProcess
 from sim_uavs.world.world import World
 
 S = 1_000_000
 TASK_S, BEGIN_S = 2.0, 6.0
 """When, after the world began, the monitoring is delegated, and the vehicles set out."""
+AGAIN_US = 2 * S
+"""How often the user who delegates looks whether the task has failed."""
 FRAME = LocalFrame(*ORIGIN)
 CENTRE = "cc"
 LOSSY = SessionLink(delay_us=300, jitter_us=0, loss=0.3)
@@ -41,7 +44,7 @@ class SentOrder(NamedTuple):
 
 
 class CampaignWorld(World):
-    """A world that notes the orders of each platform.
+    """A world that notes the orders of each platform, and whose vehicles hear no heartbeat without a process.
 
     Attributes:
         sent: the orders since they were looked at last, by unit.
@@ -52,6 +55,44 @@ class CampaignWorld(World):
     def _command(self, node: WorldNode, command: Command) -> None:
         self.sent.setdefault(node.unit, []).append(SentOrder(self.now_us, command))
         super()._command(node, command)
+
+    def _boot(self, node: WorldNode) -> None:
+        self._attend(node, is_attended=True)
+        if isinstance(node.vehicle, PersonaVehicle):
+            node.vehicle.restart()
+        super()._boot(node)
+
+    def kill(self, unit: str) -> None:
+        self._attend(self.nodes[unit], is_attended=False)
+        super().kill(unit)
+
+    def mislead(self, unit: str, step_us: int, drift_ppm: float) -> None:
+        """The clock of its machine is wrong from now on, also for the processes that it starts later."""
+        node = self.nodes[unit]
+        node.clock.mislead(self.now_us, step_us, node.drift_ppm + drift_ppm)
+        node.offset_us, node.drift_ppm, node.due_us = node.offset_us + step_us, node.drift_ppm + drift_ppm, None
+        self._wake(node)
+
+    def pause(self, unit: str, for_us: int) -> None:
+        """Its machine stands still, and so does its clock."""
+        node = self.nodes[unit]
+        if node.process is None or node.frozen:
+            return
+        self._attend(node, is_attended=False)
+        self.freeze(unit)
+        self.at(self.now_us + for_us, self._resume, unit, node.process, for_us)
+
+    def _resume(self, unit: str, process: WorldProcess, for_us: int) -> None:
+        node = self.nodes[unit]
+        if node.process is process:
+            self._attend(node, is_attended=True)
+            self.mislead(unit, -for_us, 0.0)
+            self.thaw(unit)
+
+    @staticmethod
+    def _attend(node: WorldNode, *, is_attended: bool) -> None:
+        if isinstance(node.vehicle, PersonaVehicle | SimulatedVehicle):
+            node.vehicle.is_attended = is_attended
 
 
 class CampaignFlight:
@@ -72,7 +113,7 @@ class CampaignFlight:
         self.world = CampaignWorld(drawn.seed, truth_us=None, link=SessionLink(jitter_us=0), reach=reach)
         self.world.sent = {}
         self.begin_us = self.world.start_us + round(BEGIN_S * S)
-        self.vehicles: list[SimulatedVehicle] = []
+        self.vehicles: list[SimulatedVehicle | PersonaVehicle] = []
         self.offsets: list[Vector] = []
         self.task: Dialogue | None = None
         self.asked: dict[int, Dialogue] = {}
@@ -101,15 +142,19 @@ class CampaignFlight:
         home = (way.end if way.kind in {ways.RTL, ways.RTL_LEAVE} else way.start)._replace(down=0.0)
         latitude_deg, longitude_deg, _ = FRAME.from_ned(*home)
         config = VehicleConfig(
-            number + 1, HomePlace(latitude_deg, longitude_deg, ORIGIN.altitude_m), airborne_m=-way.start.down,
-            seed=self.drawn.seed, limits=drawn.limits, settings=replace(drawn.settings), wind=self.drawn.wind,
+            number + 1, HomePlace(latitude_deg, longitude_deg, ORIGIN.altitude_m), drawn.persona,
+            airborne_m=-way.start.down, seed=self.drawn.seed, fence=drawn.fence, limits=drawn.limits,
+            settings=replace(drawn.settings), wind=self.drawn.wind,
         )  # fmt: skip
-        vehicle = SimulatedVehicle(config, world.now_us, phase_us=world.random.randrange(100_000))
+        kind = PersonaVehicle if self.drawn.is_wired else SimulatedVehicle
+        vehicle = kind(config, world.now_us, phase_us=world.random.randrange(100_000))
         here = way.start.minus(home)
         vehicle.flight.body = vehicle.flight.body._replace(position=here)
         vehicle.flight.target = GoingTo(here)
         self.vehicles.append(vehicle)
         self.offsets.append(home)
+        if way.kind in {ways.AUTO, ways.AUTO_LEAVE}:
+            self._load(vehicle, [place.minus(home) for place in way.places[1:]], LocalFrame(*config.home))
         offset_us, drift_ppm = drawn.clock
         plan = None
         if way.kind == ways.PLAN:
@@ -122,6 +167,12 @@ class CampaignFlight:
         )  # fmt: skip
         world.add(str(number), platform, vehicle, offset_us=offset_us, drift_ppm=drift_ppm)
         world.at(self.begin_us, self._set_out, number)
+
+    def _load(self, vehicle: SimulatedVehicle | PersonaVehicle, places: list[Vector], frame: LocalFrame) -> None:
+        if isinstance(vehicle, PersonaVehicle):
+            vehicle.upload(places, frame, self.world.now_us)
+        else:
+            vehicle.flight.items = tuple(Item(MissionAction.FLY_TO, place) for place in places)
 
     def _set_out(self, number: int) -> None:
         """The order that a user, a ground station or the autopilot itself has it fly by; a plan begins by itself."""
@@ -136,7 +187,6 @@ class CampaignFlight:
                 if way.kind == ways.STREAMED:
                     self.world.inject(str(number), "stream-target=1")
             case ways.AUTO | ways.AUTO_LEAVE:
-                flight.items = tuple(Item(MissionAction.FLY_TO, place) for place in places)
                 flight.set_mode(Mode.AUTO)
             case ways.RTL | ways.RTL_LEAVE | ways.LAND | ways.LAND_LEAVE if way.by_user:
                 is_return = way.kind in {ways.RTL, ways.RTL_LEAVE}
@@ -152,7 +202,10 @@ class CampaignFlight:
         self.asked[number] = self.world.ask(CENTRE, str(number), goto)
 
     def _delegate(self) -> None:
-        """As a user does: to the first platform that runs."""
+        """As a user does: to the first platform that runs, and again when that is reported as not delivered."""
+        self.world.at(self.world.now_us + AGAIN_US, self._delegate)
+        if self.task is not None and self.task.failed is None:
+            return
         for unit, node in self.world.nodes.items():
             if unit != CENTRE and node.process is not None:
                 self.task = self.world.ask(CENTRE, unit, MonitorProximity())
@@ -166,6 +219,10 @@ class CampaignFlight:
         lasts_us = None if trouble.for_s is None else round(trouble.for_s * S)
         if trouble.fault:
             world.at(at_us, world.inject, unit, trouble.fault, lasts_us)
+        elif any(trouble.clock):
+            step_us, drift_ppm = trouble.clock
+            lie = (world.pause, unit, -step_us) if step_us < 0 else (world.mislead, unit, step_us, drift_ppm)
+            world.at(at_us, *lie)
         elif trouble.kind == "process dies":
             world.at(at_us, world.kill, unit)
             if lasts_us is not None:

@@ -37,7 +37,7 @@ def by_cause(runs: Sequence[CampaignRun]) -> list[CauseRow]:
 
 
 def _order(cause: str) -> tuple[int, str]:
-    kinds = ("geometry", "vehicles", "mode", "bound", "fault")
+    kinds = ("geometry", "vehicles", "mode", "autopilot", "bound", "failsafe", "fault")
     return kinds.index(cause.partition(":")[0]), cause
 
 

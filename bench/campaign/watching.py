@@ -53,8 +53,10 @@ class WatchedUnit:
         arrived_s: when it was first where its orders send it, since setting out.
         able_since_us, mode_since_us, silent_since_us: since when without a break it can be commanded, its mode is what it
             is, and its autopilot is silent.
+        flies_itself: whether its autopilot returns or lands by itself: its link, its battery or its fence was the reason.
         taken_since_us: since when its pilot has it, which ends only when a user asks for it: in no flight of the campaign.
         manoeuvres: how many orders to keep apart it was given.
+        is_stranded: whether its process ended during a manoeuvre: the vehicle carries that out, and stands there.
     """
 
     arrived_s: float | None = None
@@ -62,9 +64,12 @@ class WatchedUnit:
     mode: Mode | None = None
     mode_since_us: int = 0
     silent_since_us: int | None = None
+    flies_itself: bool = False
+    is_outside: bool = False
     number: int = -1
     manoeuvres: int = 0
     is_manoeuvring: bool = False
+    is_stranded: bool = False
     reasonless_since_us: int | None = None
     last_alarm: AlarmEvent | None = None
     taken_since_us: int | None = None
@@ -136,17 +141,27 @@ class Watch:
         vehicle = self.flight.vehicles[number]
         if vehicle.flight.mode is not unit.mode:
             unit.mode, unit.mode_since_us = vehicle.flight.mode, now_us
+            unit.flies_itself = self._flies_itself(number)
         silent = vehicle._faults.holds("silence", now_us)
         unit.silent_since_us = (unit.silent_since_us or now_us) if silent else None
         if unit.taken_since_us is None and vehicle._faults.holds("takeover", now_us):
             unit.taken_since_us = now_us
         unit.able_since_us = (unit.able_since_us or now_us) if self._is_able(number, now_us) else None
+        self._look_at_fence(number, unit, now_us)
         if now_us >= self.flight.begin_us and (unit.arrived_s is None or self._stays(number)):
             there = self._is_there(number, place)
             if there and unit.arrived_s is None:
                 unit.arrived_s = self.flight.seconds()
             elif not there and self._stays(number):
                 unit.arrived_s = None
+
+    def _flies_itself(self, number: int) -> bool:
+        """Whether the mode that it has taken is the doing of its autopilot; where a return was ordered that shows in what is lost."""
+        vehicle, kind = self.flight.vehicles[number], self.flight.drawn.vehicles[number].way.kind
+        if vehicle.flight.mode not in {Mode.RTL, Mode.LAND}:
+            return False
+        is_low = vehicle.flight.body.charge <= vehicle.flight.settings.battery_low
+        return kind not in ENDS_ON_GROUND or is_low or vehicle._failsafe.has_acted
 
     def _stays(self, number: int) -> bool:
         return self.flight.drawn.vehicles[number].way.kind == HOVER
@@ -158,15 +173,29 @@ class Watch:
         return place.is_close_to(way.end, STAYS_M if way.kind == HOVER else THERE_M)
 
     def _is_able(self, number: int, now_us: int) -> bool:
-        """Whether the vehicle could be commanded, by a platform that knows where it is."""
+        """Whether the vehicle could be commanded to make room, by a platform that knows where it is."""
+        return not self.flight.drawn.vehicles[number].is_hemmed and self._obeys(number, now_us)
+
+    def _obeys(self, number: int, now_us: int) -> bool:
         node, vehicle = self.flight.world.nodes[str(number)], self.flight.vehicles[number]
         mode, kind = vehicle.flight.mode, self.flight.drawn.vehicles[number].way.kind
         takes = mode in GUIDED_MODES or (mode in LEAVES and kind in WITH_LEAVE)
-        if node.process is None or node.frozen or not takes or kind == STREAMED:
+        if node.process is None or node.frozen or not takes or kind == STREAMED or self.units[number].flies_itself:
             return False
         if self.units[number].taken_since_us is not None or not (vehicle.flight.armed and vehicle.flight.airborne):
             return False
         return not any(vehicle._faults.holds(fault, now_us) for fault in OBSTRUCTING)
+
+    def _look_at_fence(self, number: int, unit: WatchedUnit, now_us: int) -> None:
+        """A manoeuvre leaves no fence."""
+        vehicle = self.flight.vehicles[number]
+        flight, here = vehicle.flight, vehicle.flight.body.position
+        outside = flight.airborne and (
+            flight.settings.is_fenced_off(here.horizontal, -here.down) or vehicle.fence.is_outside(here)
+        )
+        if outside and not unit.is_outside and unit.is_manoeuvring and self._obeys(number, now_us):
+            self._violate(number, "left its fence in a manoeuvre")
+        unit.is_outside = outside
 
     # -- orders and manoeuvres ---------------------------------------------------------------------------------
 
@@ -192,6 +221,7 @@ class Watch:
             for pair in [pair for pair in self._open if pair[0] == number]:
                 self._close_all(pair, now_us)
         if platform is None:
+            unit.is_stranded = unit.is_stranded or unit.is_manoeuvring
             unit.is_manoeuvring, unit.reasonless_since_us = False, None
             return
         self._read_alarms(number, unit, platform, now_us)
@@ -200,7 +230,7 @@ class Watch:
         if found is not None and found.number != unit.number:
             unit.number = found.number
             unit.manoeuvres += 1
-        if found is None or found.reasons:
+        if found is None or found.reasons or unit.silent_since_us is not None:
             unit.reasonless_since_us = None
         elif unit.reasonless_since_us is None:
             unit.reasonless_since_us = now_us
@@ -210,7 +240,8 @@ class Watch:
         if self._steps % LISTEN_STEPS == 0:
             asked = self.flight.asked.get(number)
             refused = "" if asked is None else asked.trouble
-            unit.explained = refused or why_not(platform, node.notes) or self._explaining_alarm(number)
+            by_itself = "its autopilot flies it by itself" if unit.flies_itself else ""
+            unit.explained = refused or by_itself or why_not(platform, node.notes) or self._explaining_alarm(number)
 
     def _violate(self, number: int, what: str) -> None:
         self.violations.append(f"{number} at {self.flight.seconds():.1f} s: {what}")
@@ -255,7 +286,8 @@ class Watch:
         return ""
 
     def _is_told(self, number: int, other: int, now_us: int) -> bool:
-        if self.flight.world.nodes[str(number)].process is None:
+        node = self.flight.world.nodes[str(number)]
+        if node.process is None or node.frozen:
             return True
         pair = number, other
         is_open = bool(self._open.get(pair)) or now_us - self._told_until_us.get(pair, 0) <= FLICKER_US

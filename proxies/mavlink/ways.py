@@ -92,7 +92,7 @@ def ways_of(order: vehicle.Order, known: VehicleReports, target: Target) -> list
             at = known.position
             if at is None or at.altitude_m is None:
                 raise Refused("the vehicle's position is unknown, it cannot hold it", "no-position")
-            here = vehicle.GoToOrder(at.latitude_deg, at.longitude_deg, at.altitude_m)
+            here = vehicle.GoToOrder(at.latitude_deg, at.longitude_deg, at.altitude_m, stops=True)
             return _point(here, known, target, takes_mode=order.any_mode)
         case vehicle.GoToOrder() | vehicle.InterruptOrder():
             return _point(order, known, target, takes_mode=px4 or isinstance(order, vehicle.InterruptOrder))
@@ -162,7 +162,7 @@ def _point(
     """PX4 moves only with leave to change its mode; ArduPilot must not be taken out of a mode that its pilot chose.
 
     A vehicle in flight cannot stop where it is: ordered to, it flies on and comes back. So its target is put where it
-    can stop.
+    can stop, where the order is to stop.
     """
     speed_m_s = order.speed_m_s if isinstance(order, vehicle.GoToOrder) else None
     latitude_deg, longitude_deg = _stopping_place(order, known)
@@ -223,7 +223,7 @@ def _stopping_place(order: vehicle.GoToOrder | vehicle.InterruptOrder, known: Ve
     """The order's place; if it is where the vehicle flies just now, the place where it can stop."""
     at, moves = known.position, known.velocity
     there = order.latitude_deg, order.longitude_deg
-    if at is None or moves is None:
+    if at is None or moves is None or not order.stops:
         return there
     speed_m_s = math.hypot(moves.north_m_s, moves.east_m_s)
     away_m = distance_m(at.latitude_deg, at.longitude_deg, *there)

@@ -130,6 +130,7 @@ ARDUPILOT = Persona(
         ParameterKind("FS_GCS_TIMEOUT", "link_loss_s", 1.0, _REAL, 2, 120),
         ParameterKind("FS_OPTIONS", "link_loss_options", 1.0, _INT, 0, 63),
         ParameterKind("SYSID_MYGCS", "station_id", 1.0, _INT, 1, 255),
+        ParameterKind("BATT_FS_LOW_ACT", "battery_low_action", 1.0, _INT, 0, 2),
         ParameterKind("PILOT_TKOFF_ALT", "take_off_m", 100.0, _REAL, 100, 100_000),
         ParameterKind("DISARM_DELAY", "disarm_s", 1.0, _REAL, 1, 127),
         ParameterKind("FENCE_ENABLE", "fence_on", 1.0, _INT, 0, 1),

@@ -41,6 +41,8 @@ class Mode(StrEnum):
 
 
 GUIDED_MODES = frozenset({Mode.GUIDED, Mode.OFFBOARD})
+_ON_LOW_BATTERY = {1: Mode.LAND, 2: Mode.RTL}
+"""`battery_low_action`, as ArduCopter's BATT_FS_LOW_ACT has it."""
 
 
 class FlightAnswer(StrEnum):
@@ -384,6 +386,9 @@ class Flight:
         if charge <= self.settings.battery_low and not self._warned:
             self._warned = True
             self.events.append(Said(4, f"Battery low: {charge:.0%}"))
+            action = _ON_LOW_BATTERY.get(int(self.settings.battery_low_action))
+            if action is not None and self.airborne and self.armed and self.mode not in {Mode.LAND, action}:
+                self.set_mode(action)
         if charge <= self.settings.battery_critical and self.airborne and self.armed and self.mode is not Mode.LAND:
             self.events.append(Said(2, f"Battery critical: {charge:.0%}, landing"))
             self.set_mode(Mode.LAND)

@@ -49,6 +49,11 @@ class LinkFailsafe:
         self._streams_us: int | None = None
         self._setpoint_us: int | None = None
 
+    @property
+    def has_acted(self) -> bool:
+        """Whether it has done what it does without its ground station, and has not heard it since."""
+        return self._stage is _Stage.ACTED
+
     def on_heartbeat(self, system: int, now_us: int, *, is_station: bool = True) -> None:
         """A heartbeat of this system id was heard; `is_station`: its type is that of a ground station."""
         if is_station if self._is_px4 else system == int(self._flight.settings.station_id):

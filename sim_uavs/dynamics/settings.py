@@ -24,7 +24,10 @@ class HomePlace(NamedTuple):
 
 @dataclass(slots=True)
 class VehicleSettings:
-    """What an operator may change in flight through the vehicle's parameters. Speeds m/s, heights m above home."""
+    """What an operator may change in flight through the vehicle's parameters. Speeds m/s, heights m above home.
+
+    `battery_low_action`: what it does once when `battery_low` is reached in the air: 0 warns, 1 lands, 2 returns.
+    """
 
     cruise_m_s: float = 8.0
     climb_m_s: float = 3.0
@@ -34,6 +37,7 @@ class VehicleSettings:
     return_m: float = 20.0
     battery_low: float = 0.25
     battery_critical: float = 0.08
+    battery_low_action: float = 0.0
     disarm_s: float = 10.0
     fence_on: float = 0.0
     fence_kinds: float = 7.0

@@ -206,6 +206,9 @@ class SimulatedVehicle(SensedFlight):
     Args:
         report_us: how often it reports position and velocity; the rest comes every `SELDOM`-th time.
         phase_us: when, within that period, it does.
+
+    Attributes:
+        is_attended: whether the process of its platform runs, of which it hears heartbeats.
     """
 
     def __init__(self, config: VehicleConfig, now_us: int, *, report_us: int = REPORT_US, phase_us: int = 0) -> None:
@@ -213,6 +216,7 @@ class SimulatedVehicle(SensedFlight):
         self._phase_us = phase_us
         self._reports = 0
         self._loaded: tuple[Item, ...] = ()
+        self.is_attended = True
         self.deadline_us = self._next_us(now_us)
 
     def _next_us(self, now_us: int) -> int:
@@ -221,7 +225,7 @@ class SimulatedVehicle(SensedFlight):
     def on_time(self, now_us: int, stamp_us: int) -> list[vehicle.Report]:
         """Fly, and report what is due, as valid at `stamp_us`."""
         self.flight.on_time(now_us)
-        if not self._faults.holds("silence", now_us):
+        if self.is_attended and not self._faults.holds("silence", now_us):
             self._failsafe.on_heartbeat(OWN_STATION, now_us)
         self._suffer(now_us)
         if now_us < self.deadline_us:

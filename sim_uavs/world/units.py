@@ -20,6 +20,11 @@ class DriftingClock:
     def __init__(self, now_us: int, offset_us: int = 0, drift_ppm: float = 0.0) -> None:
         self._since_us, self._offset_us, self._ppb = now_us, offset_us, round(drift_ppm * 1000)
 
+    def mislead(self, now_us: int, step_us: int = 0, drift_ppm: float = 0.0) -> None:
+        """From `now_us` on it is that much ahead of what it would have shown, and so much too fast."""
+        self._offset_us, self._since_us = self.node_us(now_us) + step_us - now_us, now_us
+        self._ppb = round(drift_ppm * 1000)
+
     def node_us(self, now_us: int) -> int:
         """What it shows at an instant of the world."""
         if not self._ppb:

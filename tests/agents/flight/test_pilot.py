@@ -276,7 +276,7 @@ def test_an_order_stands_until_resume_and_then_the_plan_goes_on() -> None:
 def test_a_diversion_stops_where_the_vehicle_is_and_the_route_is_resumed_after_it() -> None:
     flown = pilot(ROUTE)
     at(flown, 0, 58.0005)
-    assert orders(flown.divert(130.0)) == [GoToOrder(58.0005, 15.0, 130.0)]
+    assert orders(flown.divert(130.0)) == [GoToOrder(58.0005, 15.0, 130.0, stops=True)]
     assert at(flown, 100_000, 58.0006) == []
     assert flown.flying == "diverted"
     assert orders(flown.resume()) == [leg(NEAR)]
@@ -638,7 +638,7 @@ def test_with_leave_a_mission_is_interrupted_to_give_way_and_resumed_at_its_item
     flown = on_mission(missions=True)
     assert flown.refusal(flown.stop(None)) is None
     (command,) = flown.divert(130.0)
-    assert command.order == InterruptOrder(58.0, 15.0, 130.0)
+    assert command.order == InterruptOrder(58.0, 15.0, 130.0, stops=True)
     told(flown, command, accepted=True)
     flown.on_report(FLIES, 100_000)
     (again,) = flown.resume()
@@ -662,7 +662,7 @@ def test_a_mission_that_reports_no_target_is_resumed_once() -> None:
 def test_a_mission_that_begins_elsewhere_is_sent_to_its_item_once() -> None:
     flown = on_mission(missions=True)
     (command,) = flown.divert(None)
-    assert command.order == InterruptOrder(58.0, 15.0, 100.0), "to hold is to leave the mission, too"
+    assert command.order == InterruptOrder(58.0, 15.0, 100.0, stops=True), "to hold is to leave the mission, too"
     told(flown, command, accepted=True)
     flown.on_report(FLIES, 100_000)
     (again,) = flown.resume()
@@ -686,7 +686,7 @@ def test_a_pilot_who_begins_the_mission_again_has_it_also_where_the_interruption
 def test_a_ground_station_that_begins_a_mission_when_nothing_is_ours_takes_nothing_over() -> None:
     flown = on_mission(missions=True)
     assert flown.avoidance_off is None
-    assert orders(flown.divert(130.0)) == [InterruptOrder(58.0, 15.0, 130.0)]
+    assert orders(flown.divert(130.0)) == [InterruptOrder(58.0, 15.0, 130.0, stops=True)]
 
 
 def test_a_plan_is_not_sent_into_a_mission() -> None:

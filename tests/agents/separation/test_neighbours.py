@@ -36,7 +36,7 @@ def test_one_that_is_heard_is_where_it_says_and_ranks_as_it_says() -> None:
     others.take("1", said(0), at(0.1))
     (one,) = others.airborne()
     assert one.rank(at(1)) is RightOfWay.NAMED
-    (tube,) = one.tubes(ORIGIN, at(2), STEPS)
+    ((tube, _),) = one.tubes(ORIGIN, at(2), STEPS)
     assert tube[0, 0] == pytest.approx(10.0, abs=0.5)
     assert tube[4, -1] == 1.0
 
@@ -47,10 +47,10 @@ def test_one_that_is_silent_flies_on_cannot_be_asked_and_grows_up_to_a_bound() -
     (one,) = others.airborne()
     assert not one.is_silent(SILENT_US)
     assert one.rank(at(2.1)) is RightOfWay.CANNOT
-    (tube,) = one.tubes(ORIGIN, at(12), STEPS)
+    ((tube, _),) = one.tubes(ORIGIN, at(12), STEPS)
     assert tube[0, 0] == pytest.approx(60.0, abs=1.0)
     assert tube[4, 0] == pytest.approx(1.0 + 5.0, abs=0.1)
-    (tube,) = one.tubes(ORIGIN, at(600), STEPS)
+    ((tube, _),) = one.tubes(ORIGIN, at(600), STEPS)
     assert tube[4].max() == 1.0 + GROWS_MOST_M
     assert tube[0, 0] == pytest.approx(1112.0, abs=5.0), "it stands where its legs end"
 
@@ -60,7 +60,7 @@ def test_one_that_is_heard_again_is_as_narrow_as_before() -> None:
     others.take("1", said(0), at(0))
     others.take("1", said(30, 150.0), at(30))
     (one,) = others.airborne()
-    (tube,) = one.tubes(ORIGIN, at(30.2), STEPS)
+    ((tube, _),) = one.tubes(ORIGIN, at(30.2), STEPS)
     assert tube[4].max() == 1.0
 
 
@@ -118,7 +118,7 @@ def test_one_that_says_no_intent_is_taken_by_its_motion() -> None:
     others.see("1", Fix(0, 58.0, 15.0, 60.0, 4.0), at(0))
     (one,) = others.airborne()
     assert one.rank(at(0)) is RightOfWay.CANNOT
-    (tube,) = one.tubes(ORIGIN, at(0), STEPS)
+    ((tube, _),) = one.tubes(ORIGIN, at(0), STEPS)
     assert tube[0, 10] == pytest.approx(20.0, abs=0.1)
     assert tube[4, 10] > tube[4, 0]
     others.take("1", said(1), at(1))
@@ -148,3 +148,19 @@ def test_a_landing_one_is_all_the_way_down() -> None:
     near = others.near(ORIGIN, Fix(0, 58.0, 15.0, 20.0), 0.0, at(0), STEPS)
     assert near.tubes[0, 2].min() < 21.0
     assert near.tubes[0, 3, -1] > 40.0
+
+
+def test_one_that_has_leapt_is_kept_away_from_where_it_would_be_without_the_leap_as_well() -> None:
+    """Its GPS is off by 150 m for a while: it has been credible there, and is nevertheless where it was before."""
+    all_others = Neighbours()
+    all_others.take("1", said(0), at(0))
+    for half in range(1, 11):
+        all_others.take("1", said(half / 2, 150.0), at(half / 2))
+    one = all_others.by_unit["1"]
+    assert one.leapt_us is None
+    assert one.intent.latitude_deg == said(5, 150.0).latitude_deg, "it is believed"
+    now = at(6)
+    starts = [float(tube[0, 0]) for tube, counts in one.tubes(ORIGIN, now, STEPS) if counts]
+    assert len(starts) == 2
+    assert abs(abs(starts[1] - starts[0]) - 150.0) < 30.0
+    assert len(one.tubes(ORIGIN, one.former_until_us + 1, STEPS)) == 1

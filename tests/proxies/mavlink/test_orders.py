@@ -311,12 +311,14 @@ def test_a_vehicle_in_flight_stops_a_braking_distance_ahead() -> None:
     moving = position(1, lat=47.5, alt=520.0)
     moving.vx, moving.vy = 500, 0
     known = heard(moving)
-    for order in (HoldOrder(), GoToOrder(47.5, 8.0, 545.0)):
+    for order in (HoldOrder(), GoToOrder(47.5, 8.0, 545.0, stops=True)):
         (message, *_) = messages_for(order, known, TARGET)
         assert (message.x / 1e7 - 47.5) * 111_194.9 == pytest.approx(stopping_distance_m(5.0), rel=0.01)
         assert message.z == (545.0 if isinstance(order, GoToOrder) else 520.0)
     (there, *_) = messages_for(GoToOrder(47.6, 8.0, 545.0), known, TARGET)
     assert there.x == 476000000, "a point elsewhere stays where it is"
+    (there, *_) = messages_for(GoToOrder(47.5, 8.0, 545.0), known, TARGET)
+    assert there.x == 475000000, "so does one to fly to, which the vehicle passes just now"
 
 
 def test_nothing_is_sent_to_a_vehicle_that_was_not_heard() -> None:

@@ -194,6 +194,19 @@ def test_a_low_battery_is_said_once_and_a_critical_one_lands() -> None:
     assert flight.body.on_ground
 
 
+@pytest.mark.parametrize(("action", "mode"), [(0.0, Mode.GUIDED), (1.0, Mode.LAND), (2.0, Mode.RTL)])
+def test_a_low_battery_lands_or_returns_as_its_parameter_says_and_once_only(action: float, mode: Mode) -> None:
+    clocked = Clocked()
+    flight = clocked.aloft(10.0)
+    flight.settings.battery_low_action = action
+    flight.body = flight.body._replace(charge=0.2)
+    clocked.run(1)
+    assert flight.mode is mode
+    flight.set_mode(Mode.GUIDED)
+    clocked.run(1)
+    assert flight.mode is Mode.GUIDED
+
+
 def test_a_vehicle_may_begin_in_the_air() -> None:
     flight = Clocked(airborne_m=40.0).run(5)
     assert flight.armed
