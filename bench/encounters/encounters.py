@@ -195,7 +195,7 @@ class Flight:
             self._happen(self._now_s)
             for copter in self._copters:
                 copter.stand()
-            if self._are_there() or (self._refused_s is not None and self._now_s > self._refused_s + _REFUSED_S):
+            if self._is_over():
                 break
             time.sleep(0.05)
         self._found.lasted_s = self._now_s
@@ -249,8 +249,10 @@ class Flight:
             self._found.events.append((self._now_s, str(over)))
             return None
 
-    def _are_there(self) -> bool:
-        """All that can still arrive have; one that only hovers must have been left alone by then."""
+    def _is_over(self) -> bool:
+        """All that can still arrive have; after a refusal a few seconds show that nothing is flown."""
+        if self._refused_s is not None:
+            return self._now_s > self._refused_s + _REFUSED_S
         return all(
             leg.is_there(copter.place, THERE_M / 2)
             for copter, leg in zip(self._copters, self.routes, strict=True)
