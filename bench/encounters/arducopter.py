@@ -19,7 +19,7 @@ from typing import Any, NamedTuple
 
 from pymavlink.dialects.v20 import ardupilotmega as mavlink
 
-from bench.encounters.links import Tap, received, udp
+from bench.encounters.links import STATION, Tap, received, udp
 
 LATITUDE_DEG, LONGITUDE_DEG, GROUND_M = 56.2, 12.5, 50.0
 METRES_PER_DEG = 111_319.5
@@ -123,7 +123,7 @@ class Copter:
         self._acks: list[Any] = []
         self._texts: list[str] = []
         self._from: Any = None
-        self._codec = mavlink.MAVLink(None, srcSystem=255, srcComponent=190)
+        self._codec = mavlink.MAVLink(None, srcSystem=STATION, srcComponent=190)
         self._parser = mavlink.MAVLink(None)
         self._parser.robust_parsing = True
         self._pwm = [1500, 1500, 1000, 1500, 1800, 1000, 1000, 1800]

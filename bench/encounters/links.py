@@ -11,6 +11,10 @@ from typing import Any, NamedTuple
 from pymavlink.dialects.v20 import ardupilotmega as mavlink
 
 
+STATION = 255
+"""The system id of the ground station, whose orders a platform may forward."""
+
+
 class Sent(NamedTuple):
     """A message of the platform to its autopilot."""
 
@@ -61,7 +65,7 @@ class Tap:
                 if self.is_cut:
                     continue
                 is_order = _is_order(message)
-                if is_order:
+                if is_order and message.get_srcSystem() != STATION:
                     self.orders.append(Sent(time.monotonic(), message))
                 if is_order and self.refuses:
                     self._deny(message)
