@@ -10,7 +10,6 @@ from typing import Any, NamedTuple
 
 from pymavlink.dialects.v20 import ardupilotmega as mavlink
 
-
 STATION = 255
 """The system id of the ground station, whose orders a platform may forward."""
 
