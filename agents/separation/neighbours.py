@@ -32,6 +32,8 @@ CONTRADICTIONS: Final = 3
 APART_M, APART_UP_M, MOVES_M_S, ASTRAY_M_S = 25.0, 12.0, 3.0, 6.0
 """How far apart position and intent of one moment may be, and how much more for each second between them."""
 """One that has leapt is traffic where it was last until it has been credible for so long."""
+DOUBTED_US: Final = 20_000_000
+"""One that is back from silence where it cannot have flown is traffic where it was to be, too, until that was said so long ago."""
 ALTITUDE_LEAP_M, ALTITUDE_LEAP_M_S = 6.0, 12.0
 WORD_US: Final = 1_000_000
 """An intent that is so much newer takes back that its vehicle cannot avoid another."""
@@ -49,6 +51,7 @@ class Neighbour:
         said: whether it is taken by an intent of its own; False: by its positions.
         contradicted: how many looks its positions have contradicted its intent; belied_us: when its positions last contradicted its intent; it is taken by them until that is `CREDIBLE_US` ago.
         leapt_us: when it was last somewhere where no vehicle gets so fast; the intent before stands then.
+        former: what it had said before it was silent, where it may be in truth; former_us: when that was heard last.
         cannot: why it does not avoid us, in its own words, since `cannot_us`; empty: it has reported nothing of the kind.
     """
 
@@ -60,6 +63,8 @@ class Neighbour:
     belied_us: int | None = None
     contradicted: int = 0
     candidate: Intent | None = None
+    former: Intent | None = None
+    former_us: int = 0
     cannot: str = ""
     cannot_us: int = 0
     _tubes: list[Tube] = field(default_factory=list)
@@ -86,12 +91,24 @@ class Neighbour:
             self._tubes = [nominal(self.intent, origin, needed), *([] if other is None else [other])]
             self._of = self.intent, origin, needed
         found = [later(tube, age_s, steps) for tube in self._tubes]
-        silent_s = (now_us - self.heard_us - SILENT_US) / 1e6
-        if silent_s > 0.0:
-            grows = np.minimum(GROWS_MOST_M, GROWS_M_S * (silent_s + np.arange(steps) * STEP_S))
-            for tube in found:
-                tube[4] += grows
+        for tube in found:
+            _grow(tube, now_us - self.heard_us)
         return found
+
+    def doubted(self, origin: FlatOrigin, now_us: int, steps: int) -> Tube | None:
+        """Where it will be if its positions are wrong since it was silent; None: nothing speaks for that."""
+        if self.former is None or now_us - self.former_us > DOUBTED_US:
+            return None
+        tube = tube_of(self.former, origin, now_us, steps)
+        _grow(tube, now_us - self.former_us)
+        return tube
+
+
+def _grow(tube: Tube, unheard_us: int) -> None:
+    """Wider by half a metre a second, from when it is silent."""
+    silent_s = (unheard_us - SILENT_US) / 1e6
+    if silent_s > 0.0:
+        tube[4] += np.minimum(GROWS_MOST_M, GROWS_M_S * (silent_s + np.arange(tube.shape[1]) * STEP_S))
 
 
 def tube_of(intent: Intent, origin: FlatOrigin, now_us: int, steps: int) -> Tube:
@@ -131,6 +148,8 @@ class Neighbours:
         if leap is None and known.candidate is None:
             if intent.rank is not RightOfWay.CANNOT and intent.at_us > known.cannot_us + WORD_US:
                 known.cannot = ""
+            if known.is_silent(now_us) and _is_too_far(known.intent, intent):
+                known.former, known.former_us = known.intent, known.heard_us
             known.intent, known.heard_us = intent, now_us
             return None
         known.candidate = intent
@@ -216,6 +235,11 @@ class Neighbours:
                 tubes.append(tube)
                 units.append(each.unit)
                 nominals.append(at == 0)
+            doubted = each.doubted(origin, now_us, steps)
+            if doubted is not None:
+                tubes.append(doubted)
+                units.append(each.unit)
+                nominals.append(True)
         stacked = np.stack(tubes) if tubes else np.empty((0, 5, steps))
         return Traffic3D(stacked, tuple(units), tuple(nominals))
 
@@ -224,6 +248,14 @@ def _bounded(intent: Intent) -> Intent:
     return intent._replace(
         radius_m=min(MOST_OWN_M, intent.radius_m), half_height_m=min(MOST_OWN_M, intent.half_height_m)
     )
+
+
+def _is_too_far(before: Intent, after: Intent) -> bool:
+    """Whether it is farther away than it flies in that time."""
+    seconds = max(0.0, (after.at_us - before.at_us) / 1e6)
+    away_m = distance_m(before.latitude_deg, before.longitude_deg, after.latitude_deg, after.longitude_deg)
+    fastest_m_s = max(before.speed_m_s, hypot(before.north_m_s, before.east_m_s))
+    return before.is_airborne and away_m > APART_M + (fastest_m_s + ASTRAY_M_S) * seconds
 
 
 def contradiction(intent: Intent, fix: Fix) -> str | None:
