@@ -96,10 +96,15 @@ class VehiclePorts(NamedTuple):
     happen: Callable[[Any], None] = lambda _event: None
     note: Callable[[str], None] = lambda _text: None
 
-    @property
     def limits(self) -> FlightLimits:
-        """Floor, ceiling and range of commanded flight."""
-        return FlightLimits(self.config.floor_m, self.config.ceiling_m, self.config.range_m)
+        """Floor, ceiling and range of commanded flight, and the ground below; raises WrongCall for a file that is none."""
+        config, elevation = self.config, None
+        if config.elevation is not None:
+            from runtime.configuration.elevation_files import read_elevation
+
+            elevation = read_elevation(config.elevation)
+            self.note(f"the floor of {config.floor_m:.0f} m is above the ground, too: {elevation}")
+        return FlightLimits(config.floor_m, config.ceiling_m, config.range_m, elevation)
 
     def now_us(self) -> int:
         """Federation time."""
@@ -170,7 +175,7 @@ def _mavlink(table: Any, ports: VehiclePorts) -> Vehicle:
         )
         port.forwards += (forwarder.on_frame,)
         parts.insert(0, forwarder)
-    settings = {"control": bool(table.control), "missions": table.control == "auto", "limits": ports.limits}
+    settings = {"control": bool(table.control), "missions": table.control == "auto", "limits": ports.limits()}
     return Vehicle(parts, settings, feed.command)
 
 

@@ -59,7 +59,7 @@ def simulated(table: SimulatedVehicleConfig, ports: VehiclePorts) -> Vehicle:
         text = fault.kind if fault.value is None else f"{fault.kind}={fault.value}"
         server.inject(parse_fault(text), duration_us)
 
-    settings |= {"control": True, "simulated": True, "limits": ports.limits}
+    settings |= {"control": True, "simulated": True, "limits": ports.limits()}
     if situation.depot is None:
         settings["plan"] = plan_of(unit.route, start_us)
     return Vehicle((server, feed), settings, feed.command, inject)

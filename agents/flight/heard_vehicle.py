@@ -62,21 +62,36 @@ class HeardVehicle:
     handled: vehicle.CommandResult | None = None
     _number: int = 0
     _handling: int = -1
+    _is_ground_noted: bool = False
 
     @property
     def now_us(self) -> int:
         return self._now_us if self.clock is None else max(self._now_us, self.clock())
 
-    def refusal(self, order: vehicle.Order, *, in_person: bool = False) -> str | None:
-        """The rule that forbids `order` now, in words, or None; `in_person`: a user asks for it, not a rule or a mission."""
+    def refusal(self, order: vehicle.Order, *, in_person: bool = False, start: Fix | None = None) -> str | None:
+        """The rule that forbids `order` now, in words, or None.
+
+        Args:
+            order: what the vehicle would do.
+            in_person: a user asks for it, not a rule or a mission.
+            start: where it would be then; None: where it is.
+        """
         silent_us = self.now_us - self.heard_us
         if isinstance(order, arbiter.GROUND):
             return arbiter.grounded(order, self.status, silent_us, control=self.control)
         return (
             arbiter.unready(self.status, silent_us, control=self.control)
             or arbiter.unguided(order, self.status, missions=self.missions, in_person=in_person)
-            or self.bounds.outside(order, self.limits, self.fix)
+            or self._outside(order, self.fix if start is None else start)
         )
+
+    def _outside(self, order: vehicle.Order, start: Fix | None) -> str | None:
+        refusal, unknown = self.bounds.outside(order, self.limits, start), self.bounds.unknown_ground
+        if unknown is not None and not self._is_ground_noted:
+            self._is_ground_noted = True
+            place = f"{unknown[0]:.5f},{unknown[1]:.5f}"
+            self.note(f"the elevation of {place} is not known: the floor is above home alone where it is not")
+        return refusal
 
     @property
     def may_interrupt(self) -> bool:

@@ -9,6 +9,8 @@ from federation.messages.contents import Fence
 from federation.messages.contents.flight import MOST_FENCES, MOST_PLACES
 from navigation.fences import FENCE_MARGIN_M, FenceArea, fence_refusal
 from navigation.geodesy import distance_m
+from navigation.terrain.clearance import AerialPlace, judge_way
+from navigation.terrain.elevation import Elevation
 from navigation.vehicle import FenceReport, GoToOrder, HoldOrder, HomeReport, InterruptOrder, Order
 from reasoning import Profile
 
@@ -66,22 +68,27 @@ class FlightPlan:
 
 @dataclass(frozen=True, slots=True)
 class FlightLimits:
-    """Metres above home between which this platform may send its vehicle, and how far from home."""
+    """Metres above home between which this platform may send its vehicle, how far from home, and the ground below."""
 
     floor_m: float = 10.0
     ceiling_m: float = 120.0
     range_m: float = 1000.0
+    elevation: Elevation | None = None
 
 
 class Bounds:
     """What is known of home and of the autopilot's own fence, and what lies outside.
 
     Home is what the vehicle reports; its altitude alone also follows from an altitude and a height above home.
+
+    Attributes:
+        unknown_ground: the first place that was to be flown to or over whose elevation is not known, in degrees.
     """
 
     def __init__(self) -> None:
         self.home: HomeReport | None = None
         self.fence: FenceReport | None = None
+        self.unknown_ground: tuple[float, float] | None = None
         self._last_home: HomeReport | None = None
         self._home_altitude_m: float | None = None
 
@@ -129,7 +136,18 @@ class Bounds:
             self._too_low_or_high(order.altitude_m, limits)
             or self._too_far(order, limits, fix)
             or self._fenced_off(order, fix)
+            or self._near_ground(order, limits, fix)
         )
+
+    def _near_ground(self, order: GoToOrder | InterruptOrder, limits: FlightLimits, fix: Fix | None) -> str | None:
+        """The ground that the place, or the straight way there, comes too near, as far as its elevation is known."""
+        if limits.elevation is None:
+            return None
+        start = None if fix is None else AerialPlace(fix.latitude_deg, fix.longitude_deg, fix.altitude_m)
+        end = AerialPlace(order.latitude_deg, order.longitude_deg, order.altitude_m)
+        judged = judge_way(limits.elevation, start, end, limits.floor_m, 0.0 if fix is None else fix.speed_m_s)
+        self.unknown_ground = self.unknown_ground or judged.unknown
+        return judged.refusal
 
     def _fenced_off(self, order: GoToOrder | InterruptOrder, fix: Fix | None) -> str | None:
         """The polygon or circle of the autopilot's fence that forbids the place, or the straight way there."""

@@ -86,7 +86,7 @@ class Situation(NamedTuple):
         rank: its own right of way without a manoeuvre; cannot: why it may not be commanded, empty if it may.
         motion, legs, ending, performance: its own, and what it would fly without others.
         neighbours: by unit; traffic: their tubes from now on.
-        allowed: whether it may stand at a place.
+        allowed: whether it may fly to a place, and stand there.
     """
 
     now_us: int

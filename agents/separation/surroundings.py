@@ -4,11 +4,13 @@ A vehicle whose position has not been known for a while is taken to fly on as it
 that it does not avoid them.
 """
 
-from collections.abc import Callable, Iterable, Sequence
+from collections.abc import Iterable, Sequence
+from functools import partial
 from typing import Final
 
 from agents.flight.pilot import Pilot
 from agents.flight.places import Fix
+from agents.separation.allowed_places import may_fly_to
 from agents.separation.logic import STEPS, SeparationLogic
 from agents.separation.neighbourhood import Neighbourhood
 from agents.separation.neighbours import Traffic3D
@@ -73,7 +75,7 @@ class Surroundings:
         traffic = around.others.near(origin, fix, max(own.speed_m_s, fix.speed_m_s), now_us, STEPS)
         return Situation(
             now_us, own.rank, cannot, motion, legs, own.ending, performance, around.others.by_unit, traffic,
-            self._allowed(origin),
+            partial(may_fly_to, pilot, origin),
         )  # fmt: skip
 
     def traffic_now(self, now: Situation) -> Traffic3D:
@@ -105,15 +107,6 @@ class Surroundings:
         if origin is None:
             origin = self.origin = FlatOrigin.at(fix.latitude_deg, fix.longitude_deg)
         return origin
-
-    def _allowed(self, origin: FlatOrigin) -> Callable[[FlatPlace], bool]:
-        pilot = self._pilot
-
-        def allowed(place: FlatPlace) -> bool:
-            where = origin.degrees(place.north_m, place.east_m)
-            return pilot.refusal(pilot.stop(place.altitude_m, where)) is None
-
-        return allowed
 
 
 def _flown_on(

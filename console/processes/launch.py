@@ -139,6 +139,7 @@ def platform_config(
         "learnt": _absolute(own.learnt),
         "feed": _absolute(own.feed),
         "roads": _absolute(own.roads),
+        "elevation": _absolute(own.elevation),
         "admit": own.admit or "refuse",
         "shedding": own.shedding,
         "govern_ms": duration_us(own.govern, option="govern", least_us=SHORTEST_US) / 1e3 if own.govern else None,
@@ -313,6 +314,10 @@ def together(configs: Sequence[config.NodeConfig]) -> list[list[config.NodeConfi
 
 def _check_texts(call: Call, own: UnitFile) -> None:
     """Raises WrongCall and TextError for what the process of a platform could not read."""
+    if own.elevation is not None:
+        from runtime.configuration.elevation_files import read_elevation
+
+        read_elevation(own.elevation)
     if own.translation is None and own.profiles is None:
         return
     from runtime.configuration.ontologies import ontology_of

@@ -43,7 +43,8 @@ CLIMB_COST_S_PER_M: Final = 0.15
 TURN_COST_S: Final = 2.0
 MOST_LOOKED_INTO: Final = 20
 
-Allowed = Callable[[FlatPlace], bool]
+Allowed = Callable[[FlatPlace, FlatPlace | None], bool]
+"""Whether it may fly to a place, straight from another one; None: from where it is."""
 
 
 class PlannedManoeuvre(NamedTuple):
@@ -69,7 +70,7 @@ class Yielding(NamedTuple):
     Attributes:
         motion: its own now; legs, ending: its way if there were no others; performance: of the vehicle.
         others: the tubes of all others and of their contingencies, from now on, an array of (K, 5, steps).
-        allowed: whether it may stand at a place.
+        allowed: whether it may fly to a place, and stand there.
     """
 
     motion: FlatMotion
@@ -85,6 +86,9 @@ class _Candidate(NamedTuple):
     change_m: float
     words: str
 
+    def is_within(self, allowed: Allowed) -> bool:
+        return all(map(allowed, self.places, (None, *self.places[:-1])))
+
 
 def way_is_free(yielding: Yielding, minima: Minima = WIDER) -> bool:
     """Whether the own way is free of all others from now on, for 30 s."""
@@ -98,7 +102,7 @@ def plan(yielding: Yielding) -> PlannedManoeuvre | None:
     flown: list[tuple[_Candidate, Tube, float]] = []
     best: tuple[float, _Candidate, Tube] | None = None
     for candidate in _candidates(yielding):
-        if not all(map(yielding.allowed, candidate.places)):
+        if not candidate.is_within(yielding.allowed):
             continue
         tube = fly(yielding.motion, candidate.places, IntentEnding.HOVER, yielding.performance, PLANNED_STEPS)
         wide = clearance(closeness(tube, others, WIDER))
@@ -119,7 +123,7 @@ def _closer(
     """Nothing keeps the wider minima: what keeps the least ones, else what keeps farthest away."""
     flown = []
     for candidate in _candidates(yielding):
-        if all(map(yielding.allowed, candidate.places)):
+        if candidate.is_within(yielding.allowed):
             tube = fly(yielding.motion, candidate.places, IntentEnding.HOVER, yielding.performance, PLANNED_STEPS)
             if clearance(closeness(tube, others, MINIMA)) >= 1.0:
                 flown.append((candidate, tube, _least_cost_s(candidate)))

@@ -141,6 +141,8 @@ class NodeConfig(Strict):
     floor_m: float = Field(10.0, allow_inf_nan=False)
     ceiling_m: float = Field(120.0, allow_inf_nan=False)
     range_m: float = Field(1000.0, gt=0, allow_inf_nan=False)
+    elevation: Path | None = None
+    """Heights of the ground, above which the floor is, too."""
     ontology: Path | None = None
     """Semantic labels that not every platform has."""
     translation: Path | None = None

@@ -61,6 +61,8 @@ class UnitFile(Strict):
     floor_m: float | None = None
     ceiling_m: float | None = None
     range_m: float | None = None
+    elevation: Path | None = None
+    """Heights of the ground, above which the floor is, too."""
     signing_key: Path | None = None
     unsigned: bool = False
     forward: str | None = None
@@ -131,7 +133,7 @@ class FederationFile(Settings):
 
 
 _TABLES = ("clock", "unit")
-_UNIT_PATHS = ("replay", "translation", "profiles", "signing_key", "spec", "learnt", "feed", "roads")
+_UNIT_PATHS = ("replay", "translation", "profiles", "signing_key", "spec", "learnt", "feed", "roads", "elevation")
 OPTION_KEYS = tuple(field.alias or name for name, field in Settings.model_fields.items())
 """The keys of a configuration file; those but the tables are, upper case after `DYKNOW_`, the variables."""
 VARIABLES = {key: f"DYKNOW_{key.upper()}" for key in OPTION_KEYS if key not in _TABLES}

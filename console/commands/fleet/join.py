@@ -76,6 +76,10 @@ def join(
     floor: Annotated[float, typer.Option(metavar="M", help="It is sent no lower above home, in metres.")] = 10.0,
     ceiling: Annotated[float, typer.Option(metavar="M", help="Nor higher.")] = 120.0,
     range_: Annotated[float, typer.Option("--range", metavar="M", help="Nor farther from home.")] = 1000.0,
+    elevation: Annotated[
+        Path | None,
+        typer.Option(metavar="FILE", help="The floor is above this ground, too: .hgt, a directory of them, or .asc."),
+    ] = None,
     signing_key: Annotated[
         Path | None, typer.Option(metavar="FILE", help="Key of MAVLink 2 signing; frames without it are refused.")
     ] = None,
@@ -132,7 +136,7 @@ def join(
     for at, name in enumerate(unit):
         own = UnitFile(
             mavlink=mavlink, sysid=sysids[at] if sysids else None, compid=compid, control="auto" if control == "auto" else control is not None,
-            floor_m=floor, ceiling_m=ceiling, range_m=range_,
+            floor_m=floor, ceiling_m=ceiling, range_m=range_, elevation=elevation,
             signing_key=signing_key, unsigned=unsigned, forward=forward, forward_commands=forward_commands,
             forward_beyond=forward_beyond, replay=replay, from_=from_, epoch=epoch, translation=translation,
             spec=spec, modules=tuple(modules or ()), feed=feed, roads=roads, govern=govern, admit=admit,

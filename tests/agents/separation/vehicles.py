@@ -70,7 +70,7 @@ class Flyer:
         rank = RightOfWay.CANNOT if self.cannot else RightOfWay.NAMED
         return Situation(
             now_us, rank, self.cannot, m, (self.goal,), IntentEnding.HOVER, self.performance, self.others.by_unit,
-            traffic, lambda place: FLOOR_M <= place.altitude_m <= self.ceiling_m,
+            traffic, lambda place, _before: FLOOR_M <= place.altitude_m <= self.ceiling_m,
         )  # fmt: skip
 
     def move(self) -> None:

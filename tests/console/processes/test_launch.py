@@ -14,6 +14,7 @@ from runtime.configuration.config import MavlinkVehicle, ReplayedVehicle, Simula
 from runtime.configuration.local_endpoints import free_ports
 from runtime.configuration.reach import wire_of
 from runtime.configuration.settings import Settings, UnitFile, load
+from tests.navigation.terrain.ground import tile_bytes
 from tests.proxies import logs
 
 COMPOSE = sorted((Path(__file__).resolve().parents[3] / "compose").glob("*.toml"))
@@ -83,6 +84,21 @@ def test_a_federations_file_has_its_say_per_unit(tmp_path: Path) -> None:
     assert (visitor.endpoint, visitor.sysid, visitor.control) == ("udpin:127.0.0.1:14560", 3, True)
     assert isinstance(log, ReplayedVehicle)
     assert (log.from_us, log.epoch_us) == (3_000_000, NOW_US)
+
+
+def test_the_elevation_of_a_federations_file_is_relative_to_it_and_looked_at_before_anything_starts(
+    tmp_path: Path,
+) -> None:
+    (tmp_path / "federation.toml").write_text('name = "f"\n[unit.0]\nelevation = "N55E013.hgt"\nfloor_m = 20\n')
+    tile = tmp_path / "N55E013.hgt"
+    tile.write_bytes(tile_bytes(55, 13, lambda latitudes, _: 0.0 * latitudes))
+    own = Call(load({"federation": str(tmp_path / "federation.toml")}, None), Output(json_lines=True))
+    zero, one = fleet_of(own, PLAN, NOW_US)
+    assert (zero.elevation, zero.floor_m) == (tile, 20.0)
+    assert one.elevation is None
+    tile.write_bytes(tile.read_bytes()[:-1])
+    with pytest.raises(WrongCall, match=r"--elevation: .*N55E013\.hgt: a tile has .* bytes, and this 2884801"):
+        fleet_of(own, PLAN, NOW_US)
 
 
 def test_vehicles_of_one_endpoint_share_a_process_and_all_others_have_their_own() -> None:

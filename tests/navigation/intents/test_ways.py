@@ -1,5 +1,6 @@
 """Intents flown ahead: tubes have the flight in them, closeness is symmetric, and what is planned is free of all others."""
 
+from itertools import pairwise
 from math import hypot, inf, nan
 
 import numpy as np
@@ -51,7 +52,7 @@ def free(yielding: Yielding, tube: Tube) -> bool:
 
 def yields(motion: FlatMotion, legs: list[FlatPlace], *others: Tube, floor_m: float = 20.0) -> Yielding:
     tubes = np.stack(others) if others else np.empty((0, 5, STEPS))
-    return Yielding(motion, legs, HOVER, COPTER, tubes, lambda place: floor_m <= place.altitude_m <= 120.0)
+    return Yielding(motion, legs, HOVER, COPTER, tubes, lambda place, _before: floor_m <= place.altitude_m <= 120.0)
 
 
 def test_a_leg_is_flown_at_its_speed_and_ends_at_its_place() -> None:
@@ -150,7 +151,9 @@ def test_head_on_in_the_open_something_cheap_is_found() -> None:
 
 def test_under_a_low_ceiling_it_goes_aside() -> None:
     head_on = fly(FlatMotion(110.0, 0.0, 60.0, -5.0, 0.0, 0.0), [to(-100, 0)], HOVER, COPTER)
-    low = yields(north_bound(), [to(200, 0)], head_on)._replace(allowed=lambda place: 55.0 <= place.altitude_m <= 65.0)
+    low = yields(north_bound(), [to(200, 0)], head_on)._replace(
+        allowed=lambda place, _before: 55.0 <= place.altitude_m <= 65.0
+    )
     found = plan(low)
     assert found is not None
     assert found.minima is not None
@@ -168,8 +171,22 @@ def test_below_one_that_lands_only_going_aside_is_left() -> None:
 
 def test_where_nothing_is_allowed_there_is_no_plan() -> None:
     head_on = fly(FlatMotion(110.0, 0.0, 60.0, -5.0, 0.0, 0.0), [to(-100, 0)], HOVER, COPTER)
-    found = plan(yields(north_bound(), [to(200, 0)], head_on)._replace(allowed=lambda _place: False))
+    found = plan(yields(north_bound(), [to(200, 0)], head_on)._replace(allowed=lambda _place, _before: False))
     assert found is None
+
+
+def test_each_place_is_judged_from_the_one_before_it() -> None:
+    judged: list[tuple[FlatPlace, FlatPlace | None]] = []
+
+    def allowed(place: FlatPlace, before: FlatPlace | None) -> bool:
+        judged.append((place, before))
+        return True
+
+    head_on = fly(FlatMotion(110.0, 0.0, 60.0, -5.0, 0.0, 0.0), [to(-100, 0)], HOVER, COPTER)
+    assert plan(yields(north_bound(), [to(200, 0), to(200, 80)], head_on)._replace(allowed=allowed)) is not None
+    assert judged[0][1] is None
+    assert any(before is not None for _, before in judged)
+    assert all(before in {None, place} for (place, _), (_, before) in pairwise(judged))
 
 
 def test_the_way_is_free_again_when_the_other_is_past() -> None:

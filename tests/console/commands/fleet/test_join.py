@@ -43,3 +43,11 @@ def test_a_speed_that_is_not_the_federations_is_refused(
 def test_a_name_that_is_taken_is_refused(world: Box, call: Call, flight: Path) -> None:
     with pytest.raises(WrongCall, match="there is a platform 1"):
         _join(call, "1", flight)
+
+
+def test_an_elevation_file_that_is_cut_is_refused_before_anything_starts(call: Call, tmp_path: Path) -> None:
+    (tmp_path / "ground.asc").write_text(
+        "ncols 40\nnrows 30\nxllcorner 436000\nyllcorner 6180000\ncellsize 50\n" + "1 " * 1200
+    )
+    with pytest.raises(WrongCall, match=r"--elevation: .*ground\.asc: header: cells of 50 are no degrees .*gdalwarp"):
+        join(call, unit="1", mavlink="udpin:127.0.0.1:0", control="guided", elevation=tmp_path / "ground.asc")
