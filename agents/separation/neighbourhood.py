@@ -38,6 +38,7 @@ LEFT_US: Final = 60_000_000
 """How long one stays traffic whose platform has left in flight."""
 _OWN_US: Final = 2_000_000
 MOST_NOTED: Final = 256
+SAME_HEIGHT_M: Final = 3.0
 """How many notes about intents that are left out there are, at most."""
 AIRCRAFT_M, AIRCRAFT_UP_M, UNKNOWN_HEIGHT_M = 15.0, 10.0, 20.0
 """What an aircraft that is no member gets besides what its place and height are known to."""
@@ -233,13 +234,14 @@ class Neighbourhood(Part):
         for unit, each in silent.items():
             if unit not in self._silent:
                 self._silent[unit] = self._opened(each, federation_us)
-                self._note(f"{unit} is silent, in the air, at about {each.intent.altitude_m:.0f} m")
+                self._note(_silent_words(unit, self._silent[unit]))
                 self._raise(self._silent[unit])
 
     def _opened(self, each: Neighbour, federation_us: int) -> AlarmEvent:
         intent = each.intent
+        towards_m = intent.legs[-1].altitude_m if intent.legs else intent.altitude_m
         values = {
-            "altitude_m": intent.altitude_m, "latitude_deg": intent.latitude_deg, "longitude_deg": intent.longitude_deg,
+            "altitude_m": intent.altitude_m, "towards_m": towards_m, "latitude_deg": intent.latitude_deg, "longitude_deg": intent.longitude_deg,
             "source": intent.source.value,
         }  # fmt: skip
         return AlarmEvent(
@@ -250,8 +252,13 @@ class Neighbourhood(Part):
     def conditions(self) -> Iterable[ConditionEntry]:
         """Those that are silent in the air."""
         for unit, event in list(self._silent.items())[:4]:
-            height_m = event.values["altitude_m"]
             yield ConditionEntry(
-                text=f"{unit} is silent, in the air, at about {height_m:.0f} m",
-                since_us=max(0, self._clock.wall_us(event.detected_us)),
+                text=_silent_words(unit, event), since_us=max(0, self._clock.wall_us(event.detected_us))
             )
+
+
+def _silent_words(unit: str, event: AlarmEvent) -> str:
+    """How high it was, and to which height it was to fly, if that is another one."""
+    altitude_m, towards_m = float(event.values["altitude_m"]), float(event.values["towards_m"])
+    flies = f", and flies to {towards_m:.0f} m" if abs(towards_m - altitude_m) > SAME_HEIGHT_M else ""
+    return f"{unit} is silent, in the air, at about {altitude_m:.0f} m{flies}"
