@@ -13,7 +13,7 @@ from reasoning.formulas.tree import (
     required_labels,
     split_growing,
 )
-from reasoning.monitoring.alarms import NEITHER_CAN_AVOID, OF_SEPARATION, SILENT_IN_THE_AIR, AlarmEvent
+from reasoning.monitoring.alarms import NEITHER_CAN_AVOID, NONCONFORMING, OF_SEPARATION, SILENT_IN_THE_AIR, AlarmEvent
 from reasoning.monitoring.inputs import Freshness
 from reasoning.monitoring.margins import Margin, Margins
 from reasoning.monitoring.monitors import Monitor, Shown
@@ -27,6 +27,7 @@ from reasoning.progression.remaining import remaining
 __all__ = [
     "FEATURES",
     "NEITHER_CAN_AVOID",
+    "NONCONFORMING",
     "OF_SEPARATION",
     "SILENT_IN_THE_AIR",
     "AlarmEvent",

@@ -22,6 +22,7 @@ from agents.separation.logic import SeparationLogic
 from agents.separation.neighbourhood import Neighbourhood
 from agents.separation.neither import NeitherAlarms
 from agents.separation.often import PURSUES, PURSUES_US, REPORTS, REPORTS_US, Often
+from agents.separation.reaction_times import ReactionTimes
 from agents.separation.records import legs_text
 from agents.separation.situation import (
     Fly,
@@ -61,6 +62,7 @@ class GivingWay(Part):
     Attributes:
         refused: proposals of others that were refused, by code.
         logic: the rule, with the present meetings and the manoeuvre.
+        times: how long its manoeuvres took to begin.
     """
 
     vital = True
@@ -90,6 +92,7 @@ class GivingWay(Part):
         self._view = SituationView(pilot, neighbourhood, self.logic, may_avoid=may_avoid)
         self._answers = AvoidAnswers(unit, self.logic, neighbourhood, self._view)
         self._blind_us = 0
+        self.times = ReactionTimes()
         self._neither = NeitherAlarms(unit, on_alarm, note)
         self._reports, self._pursuits = Often(REPORTS, REPORTS_US), Often(PURSUES, PURSUES_US)
         self._seen: object = None
@@ -131,7 +134,7 @@ class GivingWay(Part):
         return None if blind_us is None else max(self._clock.wall_us(blind_us), self._blind_us)
 
     def on_time(self, now_us: int) -> None:
-        """The position is not known any more: those that this vehicle meets are told."""
+        """The position is unknown by now: those that this vehicle meets are notified."""
         blind_us = self._view.blind_from_us
         if blind_us is None or self._pilot.now_us < blind_us or now_us < self._blind_us:
             return
@@ -263,6 +266,7 @@ class GivingWay(Part):
             self._emit(command)
         self._neighbourhood.manoeuvre = places
         if step.is_new:
+            self.times.on_order(self._ordered, manoeuvre.seen_us, self._clock.federation_us(now_us))
             self._tell(f"{self._unit} {step.words} for {', '.join(step.units)}", now_us)
             for unit in step.units:
                 self._count_pursuit(unit, now_us)
@@ -294,6 +298,10 @@ class GivingWay(Part):
             return
         if diversion.progress is OrderProgress.FLOWN:
             self.logic.on_flown()
+            taken = self.times.on_motion(diversion.command.number, self._clock.federation_us(now_us))
+            if taken:
+                self._note(taken)
+                self._log.note(taken, now_us)
         elif diversion.progress in NOT_FLOWN:
             self._not_flown(diversion.reason, now_us, overtaken=diversion.progress is not OrderProgress.UNSEEN)
 

@@ -169,8 +169,8 @@ class SeparationLogic:
             steps = [step for unit in sorted(mine) for step in self._leave(now, unit, NOTHING_FREE)]
             if found is None or not self._is_better(now, found):
                 return steps
-            return [*steps, *self._begin(now.now_us, Manoeuvre(found, mine, now.now_us))]
-        made = Manoeuvre(found, mine | (manoeuvre.units if manoeuvre else set()), now.now_us)
+            return [*steps, *self._begin(now.now_us, Manoeuvre(found, mine, now.now_us, seen_us=now.now_us))]
+        made = Manoeuvre(found, mine | (manoeuvre.units if manoeuvre else set()), now.now_us, seen_us=now.now_us)
         asked = [
             unit
             for unit in sorted(mine)
@@ -262,7 +262,7 @@ class SeparationLogic:
         if found is None or found.minima is None or found.cost_s >= NEVER_S:
             is_news, manoeuvre.waits = not manoeuvre.waits, True
             return [Waits(self._in_the_way(now))] if is_news else []
-        return self._begin(now.now_us, Manoeuvre(found, set(manoeuvre.units), now.now_us))
+        return self._begin(now.now_us, Manoeuvre(found, set(manoeuvre.units), now.now_us, seen_us=now.now_us))
 
     def _in_the_way(self, now: Situation) -> tuple[str, ...]:
         """Those that its own way meets, as far as it is looked at."""
@@ -315,7 +315,7 @@ class SeparationLogic:
     # -- what others say ---------------------------------------------------------------------------------------
 
     def on_agreed(self, unit: str, now_us: int) -> list[Step]:
-        """It has agreed to our manoeuvre, or does not answer: it is flown once there is nobody left to wait for."""
+        """It has agreed to our manoeuvre, or does not answer: it is flown once all have."""
         manoeuvre = self.manoeuvre
         if manoeuvre is None or manoeuvre.state is not ManoeuvreState.PROPOSED:
             return []

@@ -17,6 +17,7 @@ from agents.flight.pilot import Pilot
 from agents.flight.places import Fix
 from agents.monitoring.coordination import Coordination
 from agents.part import Part, PeerChange
+from agents.separation.conformance import Conformance
 from agents.separation.neighbours import Neighbour, Neighbours
 from agents.separation.own_intent import OwnIntent
 from agents.separation.records import INTENT, intent_of, intent_value
@@ -85,6 +86,7 @@ class Neighbourhood(Part):
         self.own = OwnIntent(pilot, may_avoid=may_avoid)
         self.manoeuvre: tuple[IntendedPlace, ...] | None = None
         self.cannot = False
+        self._conformance = Conformance(unit, on_alarm, note)
         self._partners = Partners(network, local, keeper, self._on_import)
         self._label, self._to_local = translation.local_label(INTENT, unit), translation.to_local(INTENT)
         if self._has_vehicle:
@@ -116,6 +118,7 @@ class Neighbourhood(Part):
             return
         intent = self.intent()
         if intent is not None:
+            intent = self._conformance.shown(intent)
             self._sent_us = fix.valid_us
             self._network.push(
                 self._label, fix.valid_us, self._to_local(intent_value(intent)), self._clock.federation_us(now_us)

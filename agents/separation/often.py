@@ -6,7 +6,7 @@ from typing import Final
 REPORTS, REPORTS_US = 4, 4_000_000
 """Answers to acts of one member are reported at most so often within that time; the rest is answered and counted alone."""
 PURSUES, PURSUES_US = 6, 60_000_000
-"""One for which so many manoeuvres began within that time may be following the vehicle on purpose."""
+"""One for which that number of manoeuvres began within that time may be following the vehicle on purpose."""
 MOST: Final = 256
 
 

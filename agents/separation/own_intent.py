@@ -59,7 +59,7 @@ RETURN_HEIGHT_M: Final = 15.0
 LOW_BATTERY: Final = 0.15
 """The fraction of its charge from which on a vehicle goes first."""
 MOST_AWAITED: Final = 8
-"""So many legs of the way that it may fly as well are said while it is not known which one it flies."""
+"""How many legs of the way that it may fly as well an intent has while it is unknown which one it flies."""
 _LAND_MODES, _RETURN_MODES = MODES_OF[LandOrder], MODES_OF[ReturnHomeOrder]
 _TAKE_OFF_MODES: Final = MODES_OF[TakeOffOrder]
 _BACKTRACKS, _STREAMED = "SMART_RTL", "OFFBOARD"
@@ -99,7 +99,7 @@ class OwnIntent:
         return self.without_others(fix) if manoeuvre is None else self._manoeuvring(fix, manoeuvre)
 
     def _manoeuvring(self, fix: Fix, manoeuvre: tuple[IntendedPlace, ...]) -> Intent:
-        """The manoeuvre. Until the vehicle shows that it flies it, it may fly its own way: that is what follows if nobody hears it."""
+        """The manoeuvre. Until the vehicle shows that it flies it, it may fly its own way: that is its contingency."""
         own, diversion = self.without_others(fix), self._pilot.diversion
         progress = OrderProgress.FLOWN if diversion is None else diversion.progress
         if progress is OrderProgress.UNSEEN:

@@ -131,6 +131,7 @@ class Manoeuvre:
         units: those that it is for; awaited: those that have not answered.
         at: which place is flown to.
         waits: whether it was reported that there is no way round what is in the way.
+        seen_us: when the position is valid at which it was planned.
         is_unseen: whether the vehicle does not show that it flies it: it is taken to fly its own way.
         before: what is flown while this one is proposed.
     """
@@ -144,6 +145,7 @@ class Manoeuvre:
     free_since_us: int | None = None
     waits: bool = False
     is_unseen: bool = False
+    seen_us: int = 0
     before: "Manoeuvre | None" = None
 
     @property

@@ -1,6 +1,6 @@
 """What one platform knows of its own vehicle and of all others at a moment: the `Situation` that the rule looks at. Federation time.
 
-A vehicle whose position has not been known for a while is taken to fly on as its intent had it: those that it meets are told then
+A vehicle whose position has not been known for a while is taken to fly on as its intent had it: those that it meets are notified
 that it does not avoid them.
 """
 
@@ -113,7 +113,7 @@ class SituationView:
 def _flown_on(
     motion: FlatMotion, legs: Sequence[FlatPlace], ending: IntentEnding, performance: Performance, seconds: float
 ) -> FlatMotion:
-    """Where a vehicle is, and how it moves, after so many seconds on its way."""
+    """Where a vehicle is, and how it moves, after that time on its way."""
     at = max(1, round(seconds / STEP_S))
     tube = fly(motion, legs, ending, performance, at + 1)
     here, before = tube[:, at], tube[:, at - 1]

@@ -8,10 +8,13 @@ from typing import NamedTuple
 from agents.flight.flight import FlightAgent
 from agents.platform import Platform
 from agents.separation.giving_way import GivingWay
+from agents.separation.situation_view import OLD_US
 from sim_uavs.dynamics.flight import Mode
 
 LEAVES = frozenset({Mode.AUTO, Mode.RTL, Mode.LAND})
 """Modes out of which a platform with leave (`missions`) takes its vehicle in order to keep apart."""
+_REFUSED, _ON_ITS_WAY = ": refused: ", " flies on"
+"""A vehicle whose autopilot has refused its way is not there, unless it has flown on since."""
 _EXPLAINING_NOTES = (
     "it is not known where the vehicle was going",
     "is where it is to fly",
@@ -27,11 +30,17 @@ class Manoeuvre(NamedTuple):
 
 
 def manoeuvre(platform: Platform) -> Manoeuvre | None:
-    """The manoeuvre that is under way, or None. It has no open reason if `reasons` is empty."""
-    diversion = platform.part(FlightAgent).pilot.diversion
+    """The manoeuvre that is under way, or None. It has no open reason if `reasons` is empty.
+
+    A vehicle whose position is not known can be ordered nothing, nor out of a manoeuvre: that is a reason.
+    """
+    pilot = platform.part(FlightAgent).pilot
+    diversion = pilot.diversion
     if diversion is None or diversion.is_over:
         return None
-    return Manoeuvre(diversion.command.number, frozenset(platform.part(GivingWay).encounters))
+    is_lost = pilot.fix is None or pilot.now_us - pilot.fix.valid_us > OLD_US
+    reasons = platform.part(GivingWay).encounters
+    return Manoeuvre(diversion.command.number, frozenset((*reasons, "position") if is_lost else reasons))
 
 
 def why_not(platform: Platform, notes: list[str]) -> str:
@@ -43,4 +52,9 @@ def why_not(platform: Platform, notes: list[str]) -> str:
         return pilot._rests
     if pilot.errand is not None and pilot.errand.has_failed and pilot.diversion is None:
         return pilot.errand.reason
-    return next((note for note in reversed(notes) if any(words in note for words in _EXPLAINING_NOTES)), "")
+    is_on_its_way = False
+    for note in reversed(notes):
+        is_on_its_way |= _ON_ITS_WAY in note
+        if any(words in note for words in _EXPLAINING_NOTES) or (_REFUSED in note and not is_on_its_way):
+            return note
+    return ""

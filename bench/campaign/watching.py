@@ -160,7 +160,8 @@ class Watch:
         vehicle, kind = self.flight.vehicles[number], self.flight.drawn.vehicles[number].way.kind
         if vehicle.flight.mode not in {Mode.RTL, Mode.LAND}:
             return False
-        is_low = vehicle.flight.body.charge <= vehicle.flight.settings.battery_low
+        settings, charge = vehicle.flight.settings, vehicle.flight.body.charge
+        is_low = charge <= (settings.battery_low if settings.battery_low_action else settings.battery_critical)
         return kind not in ENDS_ON_GROUND or is_low or vehicle._failsafe.has_acted
 
     def _stays(self, number: int) -> bool:

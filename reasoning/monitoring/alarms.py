@@ -23,7 +23,9 @@ NEITHER_CAN_AVOID: Final = "neither-can-avoid"
 """The alarm, of no monitor, that neither of two aircraft that make for each other avoids the other."""
 SILENT_IN_THE_AIR: Final = "silent-in-the-air"
 """The alarm, of no monitor, that a vehicle was in the air when it was heard last, and is not heard any more."""
-OF_SEPARATION: Final = frozenset({NEITHER_CAN_AVOID, SILENT_IN_THE_AIR})
+NONCONFORMING: Final = "nonconforming"
+"""The alarm, of no monitor, that a vehicle does not fly what its intent says (ASTM F3548)."""
+OF_SEPARATION: Final = frozenset({NEITHER_CAN_AVOID, SILENT_IN_THE_AIR, NONCONFORMING})
 
 
 class AlarmEvent(NamedTuple):

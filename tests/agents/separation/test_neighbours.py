@@ -64,6 +64,23 @@ def test_one_that_is_heard_again_is_as_narrow_as_before() -> None:
     assert tube[4].max() == 1.0
 
 
+@pytest.mark.parametrize(("north_m", "is_doubted"), [(25.0, False), (45.0, False), (70.0, True), (250.0, True)])
+def test_one_that_is_back_from_silence_where_it_cannot_have_flown_is_traffic_at_both_places_for_a_while(
+    north_m: float, is_doubted: bool
+) -> None:
+    others, own = Neighbours(), Fix(0, 58.0, 15.0, 60.0, 0.0, 0.0, 0.0)
+    others.take("1", said(0), at(0))
+    others.take("1", said(5, north_m), at(5))
+    others.take("1", said(12, north_m + 35.0), at(12))
+    traffic = others.near(ORIGIN, own, 5.0, at(12), STEPS)
+    assert traffic.units == ("1",) * (2 if is_doubted else 1)
+    assert all(traffic.counts)
+    if is_doubted:
+        assert traffic.tubes[:, 0, 0] == pytest.approx([north_m + 35.0, 60.0], abs=1.0)
+        assert traffic.tubes[1, 4, 0] == pytest.approx(1.0 + 5.0, abs=0.1)
+    assert len(others.near(ORIGIN, own, 5.0, at(25.1), STEPS).units) == 1
+
+
 @pytest.mark.parametrize("leap", [{"north_m": 3000.0}, {"up_m": 110.0}])
 def test_one_that_leaps_stays_where_it_was_until_it_was_credible_for_three_seconds(leap: dict[str, float]) -> None:
     others = Neighbours()

@@ -24,7 +24,7 @@ from navigation.vehicle import (
     ReturnHomeOrder,
     TargetReport,
 )
-from tests.agents.separation.own_flight import (
+from tests.agents.separation.own.own_flight import (
     FAR,
     FLIES,
     HERE,

@@ -13,7 +13,7 @@ from navigation.vehicle import (
     MissionReport,
     TargetReport,
 )
-from tests.agents.separation.own_flight import (
+from tests.agents.separation.own.own_flight import (
     FAR,
     HERE,
     HOME,

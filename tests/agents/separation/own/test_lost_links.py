@@ -12,7 +12,7 @@ from navigation.vehicle import (
     FailsafeReport,
     LinkLossAction,
 )
-from tests.agents.separation.own_flight import (
+from tests.agents.separation.own.own_flight import (
     FAR,
     HERE,
     HOME,
