@@ -66,7 +66,7 @@ def _flown(seconds: float, seed: int) -> Figures:
                 performance,
                 others.by_unit,
                 traffic,
-                lambda _place: True,
+                lambda _place, _before: True,
             )
         )
         took_s = process_time() - began_s
