@@ -177,9 +177,26 @@ class Pilot(CommandedVehicle):
             raise Refused("the plan is over", "plan-over")
         return leg, wanted
 
-    def divert(self, altitude_m: float | None, place: tuple[float, float] | None = None) -> list[vehicle.Command]:
-        """Avoid another vehicle: stop at `altitude_m` above mean sea level, at `place` (WGS-84 degrees); None: where it is."""
+    @property
+    def stated_m_s(self) -> float | None:
+        """The speed with which the vehicle is sent on after giving way; None: none is stated then."""
+        if self.may_interrupt or not self.control:
+            return None
+        if isinstance(self.standing, vehicle.GoToOrder):
+            return self.standing.speed_m_s
+        has_route = self.plan is not None and self.standing is None and self._has_route
+        return self.plan.speed_m_s if has_route and self.plan is not None else None
+
+    def divert(
+        self, altitude_m: float | None, place: tuple[float, float] | None = None, speed_m_s: float | None = None
+    ) -> list[vehicle.Command]:
+        """Avoid another vehicle: stop at `altitude_m` above mean sea level, at `place` (WGS-84 degrees); None: where it is.
+
+        `speed_m_s`: how fast; None: as fast as it flies by itself.
+        """
         order = self.stop(altitude_m, place)
+        if isinstance(order, vehicle.GoToOrder):
+            order = order._replace(speed_m_s=speed_m_s)
         self.check(order)
         self.claims.check(Commander.AVOIDANCE)
         if self.diversion is None and self._aside is None:

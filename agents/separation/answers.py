@@ -52,7 +52,7 @@ class AvoidAnswers:
             raise Refused("the vehicle is on the ground or not armed", "grounded")
         if content.because is not None:
             return self._take(other, content.because, legs, situation)
-        return self._hear(other, legs, situation)
+        return self._hear(other, legs, content.speed_m_s, situation)
 
     def _take(self, other: str, because: str, legs: tuple[IntendedPlace, ...], now: Situation) -> str:
         """It leaves the meeting to us, if there is one on the way that it flies on."""
@@ -68,7 +68,7 @@ class AvoidAnswers:
             raise Refused(reason, "cannot")
         return f"leaves all of it to {self._unit}: {because}"
 
-    def _hear(self, other: str, legs: tuple[IntendedPlace, ...], now: Situation) -> str:
+    def _hear(self, other: str, legs: tuple[IntendedPlace, ...], speed_m_s: float | None, now: Situation) -> str:
         """What it will fly: refused where it meets the manoeuvre that we fly, or a way of ours that cannot be changed."""
         known = self._neighbourhood.others.by_unit[other]
         own = known.intent
@@ -77,6 +77,7 @@ class AvoidAnswers:
             rank=RightOfWay.COMMITTED,
             legs=legs,
             ending=IntentEnding.HOVER,
+            speed_m_s=speed_m_s or own.speed_m_s,
             contingency=Contingency(0.0, own.legs, own.ending),  # until it says that it flies it
         )
         if self._is_met(proposed, now):

@@ -196,7 +196,11 @@ class GivingWay(Part):
                 case Propose(unit, manoeuvre):
                     self._propose(
                         unit,
-                        Avoid(units=(self._unit, unit), legs=legs_text(self._view.places(manoeuvre.places))),
+                        Avoid(
+                            units=(self._unit, unit),
+                            legs=legs_text(self._view.places(manoeuvre.places)),
+                            speed_m_s=manoeuvre.speed_m_s,
+                        ),
                         now_us,
                     )
                 case LeaveTo(unit, reason):
@@ -257,14 +261,14 @@ class GivingWay(Part):
             return
         places = self._view.places(manoeuvre.places)
         try:
-            commands = self._pilot.divert(step.place.altitude_m, places[0][:2])
+            commands = self._pilot.divert(step.place.altitude_m, places[0][:2], manoeuvre.planned.speed_m_s)
         except Refused as refused:
             self._not_flown(refused.reason, now_us, overtaken=True)
             return
         for command in commands:
             self._ordered = command.number
             self._emit(command)
-        self._neighbourhood.manoeuvre = places
+        self._neighbourhood.manoeuvre, self._neighbourhood.manoeuvre_m_s = places, manoeuvre.planned.speed_m_s
         if step.is_new:
             self.times.on_order(self._ordered, manoeuvre.seen_us, self._clock.federation_us(now_us))
             self._tell(f"{self._unit} {step.words} for {', '.join(step.units)}", now_us)

@@ -107,7 +107,9 @@ class SeparationLogic:
         """What it flies now, from now on."""
         manoeuvre = None if self.manoeuvre is None else self.manoeuvre.flown
         if manoeuvre is not None:
-            return fly(now.motion, manoeuvre.places, IntentEnding.HOVER, now.performance, STEPS)
+            speed_m_s = manoeuvre.planned.speed_m_s or now.performance.speed_m_s
+            performance = now.performance._replace(speed_m_s=speed_m_s)
+            return fly(now.motion, manoeuvre.places, IntentEnding.HOVER, performance, STEPS)
         return fly(now.motion, now.legs, now.ending, now.performance, STEPS)
 
     def _soon(self, now: Situation, tube: Tube, within_s: float = LOOK_S) -> dict[str, float]:
@@ -190,7 +192,7 @@ class SeparationLogic:
         tubes = traffic.tubes
         if not everything and traffic.units:
             tubes = tubes[np.array(traffic.counts)]
-        return Yielding(now.motion, now.legs, now.ending, now.performance, tubes, now.allowed)
+        return Yielding(now.motion, now.legs, now.ending, now.performance, tubes, now.allowed, now.slow_m_s)
 
     def _is_better(self, now: Situation, found: PlannedManoeuvre) -> bool:
         """Whether it keeps farther away than what is flown."""

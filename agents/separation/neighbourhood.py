@@ -51,6 +51,7 @@ class Neighbourhood(Part):
     Attributes:
         others: all other vehicles.
         manoeuvre: the places that the vehicle flies to keep apart; None: it flies its own way.
+        manoeuvre_m_s: how fast it flies that; None: as by itself.
         cannot: whether its manoeuvres are not flown at the moment.
     """
 
@@ -85,6 +86,7 @@ class Neighbourhood(Part):
         self.others = Neighbours()
         self.own = OwnIntent(pilot, may_avoid=may_avoid)
         self.manoeuvre: tuple[IntendedPlace, ...] | None = None
+        self.manoeuvre_m_s: float | None = None
         self.cannot = False
         self._conformance = Conformance(unit, on_alarm, note)
         self._partners = Partners(network, local, keeper, self._on_import)
@@ -106,7 +108,7 @@ class Neighbourhood(Part):
 
     def intent(self) -> Intent | None:
         """What the own vehicle will do; None: it is not known where it is."""
-        intent = self.own.now(self.manoeuvre)
+        intent = self.own.now(self.manoeuvre, self.manoeuvre_m_s)
         return intent._replace(rank=RightOfWay.CANNOT) if intent is not None and self.cannot else intent
 
     def publish(self, now_us: int) -> None:

@@ -86,8 +86,11 @@ class OwnIntent:
         self._pilot, self._may_avoid = pilot, may_avoid
         self._speeds = FlownSpeeds()
 
-    def now(self, manoeuvre: tuple[IntendedPlace, ...] | None) -> Intent | None:
-        """The intent; None: where the vehicle is is not known. `manoeuvre`: what it flies to keep apart, None: nothing."""
+    def now(self, manoeuvre: tuple[IntendedPlace, ...] | None, speed_m_s: float | None = None) -> Intent | None:
+        """The intent; None: where the vehicle is is not known.
+
+        `manoeuvre`: what it flies to keep apart, None: nothing; `speed_m_s`: how fast, None: as by itself.
+        """
         pilot, fix = self._pilot, self._pilot.fix
         if fix is None:
             return None
@@ -96,9 +99,9 @@ class OwnIntent:
             self._speeds.forget()
             return self._made(fix, IntentSource.GROUND, RightOfWay.CANNOT, (), IntentEnding.HOVER)
         self._speeds.watch(fix)
-        return self.without_others(fix) if manoeuvre is None else self._manoeuvring(fix, manoeuvre)
+        return self.without_others(fix) if manoeuvre is None else self._manoeuvring(fix, manoeuvre, speed_m_s)
 
-    def _manoeuvring(self, fix: Fix, manoeuvre: tuple[IntendedPlace, ...]) -> Intent:
+    def _manoeuvring(self, fix: Fix, manoeuvre: tuple[IntendedPlace, ...], speed_m_s: float | None) -> Intent:
         """The manoeuvre. Until the vehicle shows that it flies it, it may fly its own way: that is its contingency."""
         own, diversion = self.without_others(fix), self._pilot.diversion
         progress = OrderProgress.FLOWN if diversion is None else diversion.progress
@@ -106,6 +109,7 @@ class OwnIntent:
             return own._replace(contingency=Contingency(0.0, manoeuvre[:MOST_AWAITED], IntentEnding.HOVER))
         rank = min(self._rank(IntentSource.MANOEUVRE), RightOfWay.COMMITTED)
         found = self._made(fix, IntentSource.MANOEUVRE, rank, manoeuvre, IntentEnding.HOVER)
+        found = found if speed_m_s is None else found._replace(speed_m_s=speed_m_s)
         if progress is OrderProgress.FLOWN:
             return found
         return found._replace(contingency=Contingency(0.0, own.legs[:MOST_AWAITED], own.ending))

@@ -85,6 +85,7 @@ class Situation(NamedTuple):
     Attributes:
         rank: its own right of way without a manoeuvre; cannot: why it may not be commanded, empty if it may.
         is_blind: whether its position is not known: what it flies stands.
+        slow_m_s: a lower speed that it may be given for a while; None: none.
         motion, legs, ending, performance: its own, and what it would fly without others.
         neighbours: by unit; traffic: their tubes from now on.
         allowed: whether it may fly to a place, and stand there.
@@ -101,6 +102,7 @@ class Situation(NamedTuple):
     traffic: Traffic3D
     allowed: Allowed
     is_blind: bool = False
+    slow_m_s: float | None = None
 
 
 @dataclass(slots=True)

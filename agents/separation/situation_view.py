@@ -31,6 +31,7 @@ from navigation.intents.path import (
 OLD_US: Final = 2_000_000
 """So old a position is no longer that of the vehicle."""
 MOST_FLOWN_ON_S: Final = 60.0
+LEAST_STATED_M_S: Final = 2.0
 _FAR_M: Final = 5_000.0
 
 
@@ -76,7 +77,7 @@ class SituationView:
         traffic = around.others.near(origin, fix, max(own.speed_m_s, fix.speed_m_s), now_us, STEPS)
         return Situation(
             now_us, own.rank, cannot, motion, legs, own.ending, performance, around.others.by_unit, traffic,
-            partial(may_fly_to, pilot, origin), is_blind,
+            partial(may_fly_to, pilot, origin), is_blind, _slower(pilot.stated_m_s),
         )  # fmt: skip
 
     def traffic_now(self, now: Situation) -> Traffic3D:
@@ -108,6 +109,11 @@ class SituationView:
         if origin is None:
             origin = self.origin = FlatOrigin.at(fix.latitude_deg, fix.longitude_deg)
         return origin
+
+
+def _slower(stated_m_s: float | None) -> float | None:
+    """Half of the speed that is ordered again afterwards; None: none is, or it is slow already."""
+    return None if stated_m_s is None or stated_m_s < LEAST_STATED_M_S else stated_m_s / 2.0
 
 
 def _flown_on(

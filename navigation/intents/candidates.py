@@ -42,6 +42,7 @@ NEVER_S: Final = 60.0
 CLIMB_COST_S_PER_M: Final = 0.15
 TURN_COST_S: Final = 2.0
 MOST_LOOKED_INTO: Final = 20
+MOST_PLACES: Final = 8
 
 Allowed = Callable[[FlatPlace, FlatPlace | None], bool]
 """Whether it may fly to a place, straight from another one; None: from where it is."""
@@ -55,6 +56,7 @@ class PlannedManoeuvre(NamedTuple):
         minima: what it keeps from all others; None: it is the way that keeps farthest from them, and is not free.
         cost_s: seconds that it costs, energy and change among them.
         words: what it does.
+        speed_m_s: how fast it is flown; None: as fast as the vehicle flies by itself.
     """
 
     places: tuple[FlatPlace, ...]
@@ -62,6 +64,7 @@ class PlannedManoeuvre(NamedTuple):
     minima: Minima | None
     cost_s: float
     words: str
+    speed_m_s: float | None = None
 
 
 class Yielding(NamedTuple):
@@ -71,6 +74,7 @@ class Yielding(NamedTuple):
         motion: its own now; legs, ending: its way if there were no others; performance: of the vehicle.
         others: the tubes of all others and of their contingencies, from now on, an array of (K, 5, steps).
         allowed: whether it may fly to a place, and stand there.
+        slow_m_s: a lower speed that it may be given for a while; None: none, since it would not be known how it gets its own back.
     """
 
     motion: FlatMotion
@@ -79,12 +83,21 @@ class Yielding(NamedTuple):
     performance: Performance
     others: npt.NDArray[np.float64]
     allowed: Allowed
+    slow_m_s: float | None = None
 
 
 class _Candidate(NamedTuple):
     places: tuple[FlatPlace, ...]
     change_m: float
     words: str
+    speed_m_s: float | None = None
+
+    def flown(self, yielding: Yielding) -> Tube:
+        """Where the vehicle is then."""
+        performance = yielding.performance
+        if self.speed_m_s is not None:
+            performance = performance._replace(speed_m_s=self.speed_m_s)
+        return fly(yielding.motion, self.places, IntentEnding.HOVER, performance, PLANNED_STEPS)
 
     def is_within(self, allowed: Allowed) -> bool:
         return all(map(allowed, self.places, (None, *self.places[:-1])))
@@ -104,7 +117,7 @@ def plan(yielding: Yielding) -> PlannedManoeuvre | None:
     for candidate in _candidates(yielding):
         if not candidate.is_within(yielding.allowed):
             continue
-        tube = fly(yielding.motion, candidate.places, IntentEnding.HOVER, yielding.performance, PLANNED_STEPS)
+        tube = candidate.flown(yielding)
         wide = clearance(closeness(tube, others, WIDER))
         if wide >= 1.0:
             flown.append((candidate, tube, _least_cost_s(candidate)))
@@ -124,16 +137,18 @@ def _closer(
     flown = []
     for candidate in _candidates(yielding):
         if candidate.is_within(yielding.allowed):
-            tube = fly(yielding.motion, candidate.places, IntentEnding.HOVER, yielding.performance, PLANNED_STEPS)
+            tube = candidate.flown(yielding)
             if clearance(closeness(tube, others, MINIMA)) >= 1.0:
                 flown.append((candidate, tube, _least_cost_s(candidate)))
     if flown:
         return _cheapest(yielding, flown, MINIMA)
     _, candidate, tube = best
-    return PlannedManoeuvre(candidate.places, tube, None, NEVER_S, candidate.words)
+    return PlannedManoeuvre(candidate.places, tube, None, NEVER_S, candidate.words, candidate.speed_m_s)
 
 
 def _least_cost_s(candidate: _Candidate) -> float:
+    if candidate.speed_m_s is not None:
+        return 0.0  # it keeps its track and its level
     return candidate.change_m * CLIMB_COST_S_PER_M + TURN_COST_S
 
 
@@ -146,7 +161,7 @@ def _cheapest(yielding: Yielding, flown: list[tuple[_Candidate, Tube, float]], m
         if change_s >= least_s:
             break
         cost_s = change_s + _delay_s(yielding, tube, straight_s)
-        found.append(PlannedManoeuvre(candidate.places, tube, minima, cost_s, candidate.words))
+        found.append(PlannedManoeuvre(candidate.places, tube, minima, cost_s, candidate.words, candidate.speed_m_s))
         least_s = min(least_s, cost_s)
     return min(found, key=lambda each: each.cost_s)
 
@@ -201,6 +216,9 @@ def _candidates(yielding: Yielding) -> Iterator[_Candidate]:
         if hypot(place.north_m - motion.north_m, place.east_m - motion.east_m) > runs_m:
             yield _Candidate((place,), 0.0, "waits short of it")
     yield _Candidate((ahead(runs_m, 0.0, here_m),), 0.0, "stops")
+    if legs and yielding.slow_m_s is not None:
+        words = f"flies on at {yielding.slow_m_s:.1f} m/s"
+        yield _Candidate(tuple(legs[:MOST_PLACES]), 0.0, words, yielding.slow_m_s)
     for level_m in levels:
         change_m = abs(level_m - here_m)
         rate = (performance.climb_m_s if level_m > here_m else performance.descent_m_s) * SLOW

@@ -63,13 +63,14 @@ class Resume(Content):
 class Avoid(Content):
     """Propose a manoeuvre to another vehicle that one meets; `units` are the two.
 
-    `legs` is where the sender flies to keep apart, as the label `intent` writes it.
+    `legs` is where the sender flies to keep apart, as the label `intent` writes it, `speed_m_s` how fast, if it is slower than usual.
     With `because` the sender does not avoid the other, for that reason, flies on along the legs, and asks it to do all of it.
     """
 
     units: Units
     legs: Line = ""
     because: Line | None = None
+    speed_m_s: Annotated[float, Field(gt=0, le=60)] | None = Field(default=None, alias="speed_m_s")
 
 
 class Fault(Content):

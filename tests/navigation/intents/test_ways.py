@@ -225,3 +225,26 @@ def test_a_tube_goes_on_from_a_later_time_and_stands_at_its_end() -> None:
     assert later(tube, 4.0, 10)[0, 0] == pytest.approx(tube[0, 8])
     assert later(tube, 4.25, 10)[0, 0] == pytest.approx((tube[0, 8] + tube[0, 9]) / 2)
     assert np.allclose(later(tube, 1e6, 10)[0], tube[0, -1])
+
+
+@pytest.mark.parametrize("north_m", [120.0, 150.0, 180.0])
+def test_in_a_corridor_it_flies_on_at_half_its_speed_where_it_is_given_its_own_back_and_else_waits(
+    north_m: float,
+) -> None:
+    """Another one crosses ahead; it may neither leave its track nor its level."""
+    performance = Performance(10.0, 2.5, 1.5, 1.0, 0.5)
+    crosses = FlatMotion(north_m, -north_m * 0.8, 60.0, 0.0, 8.0, 0.0)
+    there = fly(crosses, [FlatPlace(north_m, 300.0, 60.0)], IntentEnding.HOVER, performance._replace(speed_m_s=8.0))
+    now = Yielding(
+        FlatMotion(0.0, 0.0, 60.0, 10.0, 0.0, 0.0), [FlatPlace(500.0, 0.0, 60.0)], IntentEnding.HOVER, performance,
+        there[None], lambda place, _before: abs(place.east_m) < 5.0 and abs(place.altitude_m - 60.0) < 5.0, 5.0,
+    )  # fmt: skip
+    slower, waits = plan(now), plan(now._replace(slow_m_s=None))
+    assert slower is not None
+    assert waits is not None
+    assert slower.minima == WIDER
+    assert slower.speed_m_s == 5.0
+    assert slower.cost_s <= waits.cost_s
+    assert waits.speed_m_s is None
+    speeds = np.hypot(*np.diff(slower.tube[:2])) / STEP_S
+    assert speeds[10:30].max() < 5.1
