@@ -261,8 +261,8 @@ def bands_of(own: OtherVehicle, others: Sequence[OtherVehicle], profile: str, go
         rows = [ClearanceRow(one.name, one.kind, why=one.why) for one in others if one.motion is None]
         return BandsPicture(own.name, at_us, profile, goal, tuple(rows), why=own.why)
     motion, frame = own.motion, LocalFrame(*own.motion[:3])
-    north, east, up = v_own = np.array(motion.v_m_s)
-    speed_m_s, altitude_m = float(hypot(north, east)), motion.altitude_m + up * motion.ahead_us / US_PER_S
+    (north, east, up), v_own = motion.v_m_s, np.array(motion.v_m_s)
+    speed_m_s, altitude_m = hypot(north, east), motion.altitude_m + up * motion.ahead_us / US_PER_S
     rows, kept = list[ClearanceRow](), list[tuple[Goal, Intruders]]()
     for kind, wanted in (("member", goal), ("aircraft", traffic_goal())):
         known = [(one, one.motion) for one in others if one.kind == kind and one.motion is not None]

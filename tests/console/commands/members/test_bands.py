@@ -185,4 +185,5 @@ def test_a_program_gets_the_same(world: Box) -> None:
     assert [row.unit for row in picture.others] == ["1", "2"]
     assert picture.tracks[0].low == 0.0
     assert picture.tracks[-1].high == 360.0
+    assert {type(bound) for band in picture.altitudes for bound in band[:2]} == {float}
     assert not picture.why
