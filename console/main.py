@@ -31,6 +31,10 @@ COMMANDS: CommandTable = {
     "query": (f"{_MEMBERS}.query:query", "The latest value of a label, its value at a time, or all between two times."),
     "watch": (f"{_MEMBERS}.watch:watch", "A federated stream under a policy, sample by sample."),
     "call": (f"{_MEMBERS}.call:call", "A stream that platforms offer at a cost, of the cheapest that is good enough."),
+    "bands": (
+        f"{_MEMBERS}.bands:bands",
+        "When a vehicle loses well clear of others, and the tracks, speeds and altitudes that would.",
+    ),
     "hz": (f"{_MEMBERS}.hz:hz", "Rate, loss and latency of a label, platform by platform."),
     "imports": (f"{_MEMBERS}.imports:imports", "The streams that platforms receive from each other, and their gaps."),
     "check": (f"{_TEXTS}.check:check", "A formula over a recorded trace, or over a platform's live states."),

@@ -21,7 +21,7 @@ MODULES_A_FOLDER = 16
 """About 12 stand side by side; a split is made by sense, never by the count."""
 LINES_A_FILE = 420
 """Up to 400, a few more where cutting would hurt."""
-PRODUCT_LINES = 135_500
+PRODUCT_LINES = 136_000
 """What the rooms may have together. It is raised only with the reason in ARCHITECTURE.md."""
 SAME_NAME: dict[str, str] = {}
 """Public classes that may share a name with another one, at most eight, with the reason."""

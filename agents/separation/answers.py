@@ -60,6 +60,9 @@ class AvoidAnswers:
         if known.said:
             known.intent = known.intent._replace(rank=RightOfWay.CANNOT, legs=legs)
         now = now._replace(traffic=self._view.traffic_now(now))
+        if self._logic.avoids(other):
+            known.cannot, known.cannot_us = because, now.now_us
+            return f"leaves all of it to {self._unit}, which makes room already: {because}"
         if not self._logic.meets(now, other) <= SOON_S:
             raise Refused(f"nothing here shows that {other} comes near", "no-evidence")
         known.cannot, known.cannot_us = because, now.now_us

@@ -316,6 +316,11 @@ class SeparationLogic:
 
     # -- what others say ---------------------------------------------------------------------------------------
 
+    def avoids(self, unit: str) -> bool:
+        """Whether it flies a manoeuvre for that unit, which is seen or awaited to be flown."""
+        manoeuvre = None if self.manoeuvre is None else self.manoeuvre.flown
+        return manoeuvre is not None and unit in manoeuvre.units and not self.cannot
+
     def on_agreed(self, unit: str, now_us: int) -> list[Step]:
         """It has agreed to our manoeuvre, or does not answer: it is flown once all have."""
         manoeuvre = self.manoeuvre

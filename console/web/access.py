@@ -12,7 +12,7 @@ from typing import Final, NamedTuple
 
 LONGEST_PATH: Final = 200
 LARGEST_BODY: Final = 65_536
-PAGE: Final = ("/", "/page.css", "/page.js", "/map.js", "/panels.js", "/charts.js", "/icon.svg")
+PAGE: Final = ("/", "/page.css", "/page.js", "/map.js", "/intents.js", "/panels.js", "/charts.js", "/icon.svg")
 """Paths that need no cookie; they are files of the program."""
 SESSION, ACT, LIVE, TILES = "/session", "/act", "/live", "/tiles/"
 SENT_AS: Final = "application/json"

@@ -12,6 +12,7 @@ from typing import Any, Final
 
 from console.web import rows
 from console.web.differences import Row, Sections
+from console.web.intents import agreed_meetings, intent_row, meeting_row
 from console.web.measures import Curves, close_pairs
 from console.web.rows import number, text
 from federation.messages.acts import Act
@@ -21,7 +22,7 @@ from runtime.recordings import recording_file as kinds
 
 SECTIONS: Final = (
     "platforms", "streams", "links", "monitors", "alarms", "tasks", "missions", "acts", "events", "objects", "views",
-    "areas", "salient", "targets", "pairs", "flights", "lost",
+    "areas", "salient", "targets", "pairs", "flights", "intents", "meetings", "lost",
 )  # fmt: skip
 MOST: Final[Mapping[str, int]] = {"platforms": 256, "streams": 4096, "objects": 2048, "links": 4096}
 MOST_OTHERS: Final = 256
@@ -39,7 +40,7 @@ _OBJECTS: Final = frozenset({"believed-objects", "object-tracks", "global-object
 _SALIENT: Final = frozenset({"saliency-map", "camera-attention"})
 MAP_LABELS: Final = (
     "heli-position", "heli-altitude", "heli-height", "heli-velocity", "heli-attitude", "battery", "heli-home", "camera-view",
-    "assigned-area", "winch-load", "object-identities", *sorted(_OBJECTS - {"vision-percepts"}), *sorted(_SALIENT),
+    "intent", "assigned-area", "winch-load", "object-identities", *sorted(_OBJECTS - {"vision-percepts"}), *sorted(_SALIENT),
 )  # fmt: skip
 """What the page takes from platforms that offer it."""
 
@@ -190,7 +191,10 @@ class Picture:
         match label:
             case "heli-position":
                 if (where := rows.place(value)) is not None:
-                    self._change("platforms", unit, at=where, valid_us=valid_us)
+                    state = (
+                        self._sections["platforms"].get(unit, {}).get("state", "alive")
+                    )  # records of encounters have none
+                    self._change("platforms", unit, at=where, valid_us=valid_us, state=state)
                     trail = self._trails.setdefault(unit, deque(maxlen=TRAIL_POINTS))
                     if not trail or valid_us - trail[-1][0] >= TRAIL_US:
                         trail.append((valid_us, where[0], where[1]))
@@ -208,7 +212,10 @@ class Picture:
                     self._change("platforms", unit, heading=_degrees(yaw))
             case "heli-altitude" | "heli-height" | "battery" | "winch-load":
                 name, key = _FIGURES[label]
-                self._change("platforms", unit, **{key: _rounded(number(value.get(name)))})
+                self._change("platforms", unit, **{key: rows.rounded(number(value.get(name)))})
+            case "intent":
+                row = intent_row(value, valid_us, self._sections["intents"].get(unit))
+                self._remove("intents", unit) if row is None else self._put("intents", unit, row)
             case "heli-home":
                 self._change("platforms", unit, home=rows.place(value))
             case "camera-view":
@@ -230,9 +237,13 @@ class Picture:
         if value.get("end") is True or (where is None and on_earth is None):
             self._remove(section, name)
             return
-        known = {key: found for key in _OBJECT_NUMBERS if (found := number(value.get(key))) is not None}
-        said = rows.fields(value, _OBJECT_TEXTS)
-        row: dict[str, Any] = {**known, **said, "unit": unit, "label": label, "symbol": symbol, "valid_us": valid_us}
+        row: dict[str, Any] = {
+            **rows.object_fields(value),
+            "unit": unit,
+            "label": label,
+            "symbol": symbol,
+            "valid_us": valid_us,
+        }
         before = self._sections[section].get(name, {})
         at = on_earth if where is None else self._on_earth(unit, *where)
         if branch is not None:
@@ -370,13 +381,17 @@ class Picture:
     def _follow(self, by: str, act: Act, message: Mapping[str, Any]) -> None:
         """Where a vehicle was sent, or what manoeuvre is proposed; no longer where that has ended."""
         target = rows.target_row(act)
+        self._sections["meetings"].update(agreed_meetings(self._sections["meetings"], act))
         if target is None:
             ended = [n for n, row in self._sections["targets"].items() if row["conversation"] == act.conversation_id]
             for name in ended if rows.ends_target(act) else ():
                 self._remove("targets", name)
         elif target.get("kind") == "avoid" or message.get("direction") == "in":
             name = f"{by} {target.get('kind', 'goto')}"
-            about = {"unit": by, "conversation": act.conversation_id, "at_us": rows.instant(message.get("at_us"))}
+            at_us = rows.instant(message.get("at_us"))
+            about = {"unit": by, "conversation": act.conversation_id, "at_us": at_us}
+            if target.get("kind") == "avoid" and (met := meeting_row(target, act.conversation_id, at_us)):
+                self._put("meetings", *met)
             if target:
                 self._put("targets", name, {**target, **about})
             else:
@@ -396,25 +411,7 @@ _FIGURES: Final[Mapping[str, tuple[str, str]]] = {
     "heli-altitude": ("altitude_m", "altitude"), "heli-height": ("height_m", "height"), "battery": ("fraction", "battery"),
     "winch-load": ("load_kg", "load"),
 }  # fmt: skip
-_OBJECT_NUMBERS: Final = (
-    "existence",
-    "altitude_m",
-    "vx_m_s",
-    "vy_m_s",
-    "sd_m",
-    "xx_m2",
-    "xy_m2",
-    "yy_m2",
-    "thermal",
-    "colour",
-    "observed_s",
-)
-_OBJECT_TEXTS: Final = ("type", "types", "colour", "status", "seen_by", "by", "because", "known", "kind", "callsign")
 
 
 def _degrees(radians: float) -> float:
     return round(math.degrees(radians) % 360, 1)
-
-
-def _rounded(value: float | None) -> float | None:
-    return None if value is None else round(value, 3)

@@ -14,6 +14,10 @@ LONGEST: Final = 240
 LONGEST_ACT: Final = 2000
 MOST_PARTS: Final = 64
 _PLACES: Final = ("latitude_deg", "longitude_deg", "altitude_m")
+_OBJECT_NUMBERS: Final = (
+    "existence", "altitude_m", "vx_m_s", "vy_m_s", "sd_m", "xx_m2", "xy_m2", "yy_m2", "thermal", "colour", "observed_s",
+)  # fmt: skip
+_OBJECT_TEXTS: Final = ("type", "types", "colour", "status", "seen_by", "by", "because", "known", "kind", "callsign")
 
 
 def text(value: object, most: int = LONGEST) -> str:
@@ -27,6 +31,11 @@ def number(value: object) -> float | None:
     if isinstance(value, bool) or not isinstance(value, int | float):
         return None
     return float(value) if abs(value) < 1e18 and math.isfinite(value) else None
+
+
+def rounded(value: float | None) -> float | None:
+    """As many digits as are shown."""
+    return None if value is None else round(value, 3)
 
 
 def numbers(value: object, names: Sequence[str]) -> list[float] | None:
@@ -113,6 +122,12 @@ def figures(value: object) -> dict[str, Any]:
 def fields(message: Mapping[str, Any], names: Sequence[str]) -> dict[str, str]:
     """The texts of these names, those that there are."""
     return {name: text(message[name]) for name in names if message.get(name) is not None}
+
+
+def object_fields(value: Mapping[str, Any]) -> dict[str, Any]:
+    """What is shown of an object, those fields that there are."""
+    known = {key: found for key in _OBJECT_NUMBERS if (found := number(value.get(key))) is not None}
+    return {**known, **fields(value, _OBJECT_TEXTS)}
 
 
 def alarm_row(before: Row | None, message: Mapping[str, Any]) -> Row:

@@ -1,6 +1,6 @@
 """A connection for a program with an event loop: `async with dyknow.connect() as fed`."""
 
-from typing import Any
+from typing import TYPE_CHECKING, Any
 
 from federation.members.command_centre import PlatformView
 from federation.messages.contents import ActLog, MonitorEntry, TaskEntry
@@ -12,6 +12,9 @@ from runtime.library.missions import AbortedMission, abort_mission, mission_of
 from runtime.library.pictures.saliency import FoundPerson, saliency_map
 from runtime.library.questions import Which
 from runtime.library.results import QueryResult, UnitSample
+
+if TYPE_CHECKING:
+    from runtime.library.pictures.bands import BandsPicture  # numpy takes a tenth of a second
 
 
 class AsyncDelegatedTask(DelegatedTask):
@@ -80,6 +83,10 @@ class AsyncFederationClient(ConnectionFace):
     async def saliency(self, unit: str | int | None = None) -> list[FoundPerson]:
         """See `FederationClient.saliency`."""
         return list((await self._done(saliency_map(self._client, name_of(unit)))).persons)
+
+    async def bands(self, unit: str | int, *, profile: str = "well-clear", lookahead_s: float = 30.0) -> "BandsPicture":
+        """See `FederationClient.bands`."""
+        return await self._done(self._bands(unit, profile, lookahead_s))
 
     async def monitors(self, *, explain: bool = False) -> list[MonitorEntry]:
         """See `FederationClient.monitors`."""

@@ -2,7 +2,7 @@
 
 import asyncio
 from collections.abc import Generator
-from typing import Any, Literal, TypeAlias, TypeVar
+from typing import TYPE_CHECKING, Any, Literal, TypeAlias, TypeVar
 
 from federation.messages.contents import Content
 from federation.messages.dialogue import Dialogue
@@ -15,6 +15,9 @@ from runtime.library.member_thread import MemberThread
 from runtime.library.questions import Which
 from runtime.library.results import QueryResult, UnitSample
 from runtime.library.watched import WatchedStreams
+
+if TYPE_CHECKING:
+    from runtime.library.pictures.bands import BandsPicture  # numpy takes a tenth of a second
 
 T = TypeVar("T")
 Time: TypeAlias = str | int
@@ -54,6 +57,11 @@ class ConnectionFace:
         keep = yield from call_for(self._client, self._streams, wanted, feed)
         self._thread.post(keep)
         return feed
+
+    def _bands(self, unit: str | int, profile: str, lookahead_s: float) -> Job["BandsPicture"]:
+        from runtime.library.pictures.bands import bands
+
+        return bands(self._client, str(unit), profile, lookahead_s)
 
     def _delegate(
         self, task: str, to: str | int | None, given: dict[str, Any], within: str, when: tuple[str, str] | None

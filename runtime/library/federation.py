@@ -4,7 +4,7 @@ import asyncio
 import os
 from itertools import count
 from pathlib import Path
-from typing import Any
+from typing import TYPE_CHECKING, Any
 
 from federation.members.command_centre import PlatformView
 from federation.messages.contents import ActLog, MonitorEntry, TaskEntry
@@ -20,6 +20,9 @@ from runtime.library.missions import AbortedMission, abort_mission, mission_of
 from runtime.library.pictures.saliency import FoundPerson, saliency_map
 from runtime.library.questions import Which
 from runtime.library.results import QueryResult, UnitSample
+
+if TYPE_CHECKING:
+    from runtime.library.pictures.bands import BandsPicture  # numpy takes a tenth of a second
 
 _CONNECTIONS = count()
 
@@ -220,6 +223,15 @@ class FederationClient(ConnectionFace):
     def saliency(self, unit: str | int | None = None) -> list[FoundPerson]:
         """The persons that platforms have found, on the map of one platform or of all; `.name`, `.x_m`, `.y_m`, `.by`, ..."""
         return list(self._do(saliency_map(self._client, name_of(unit))).persons)
+
+    def bands(self, unit: str | int, *, profile: str = "well-clear", lookahead_s: float = 30.0) -> "BandsPicture":
+        """When a vehicle loses well clear, as `dyknow bands` has it: `.others`, `.tracks`, `.speeds`, `.altitudes`, `.why`.
+
+        Raises:
+            NothingFound: no platform is there, or not this one.
+            WrongCall: the profile has no thresholds of well clear.
+        """
+        return self._do(self._bands(unit, profile, lookahead_s))
 
     def monitors(self, *, explain: bool = False) -> list[MonitorEntry]:
         """The monitors of all platforms: `.by`, `.name`, `.units`, `.verdict`, `.inputs`, `.shows`, `.since_us`.

@@ -12,7 +12,7 @@ from tests.console.conftest import Run
 HEAVY = ("zenoh", "pymavlink", "numpy", "scipy", "filterpy", "pydantic", "cryptography")
 CALLED = [tuple(name.split()) for name, (where, _summary) in COMMANDS.items() if where]
 WANTED = """
-    up join host down ls top web query watch call hz imports objects saliency explain events delegate tasks
+    up join host down ls top web query watch call bands hz imports objects saliency explain events delegate tasks
     cancel alarms monitors acts record replay info plot foxglove cot remote-id fault check chronicle link world match
     recover plan mission kpl ontology roads roster doctor demo
 """

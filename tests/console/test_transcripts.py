@@ -29,7 +29,9 @@ SESSIONS = [
     for session in json.loads(path.read_text(encoding="utf-8"))
 ]
 _PASSING = re.compile(r".*_us|(age|discovery|took|until|since|t)_ms|key|id")
-_INSIDE = {"value": "measured", "values": "measured", "samples": "valid_us"}
+_OWN = {"measured", "track_deg", "speed_m_s", "altitude_m", "tried_at_m_s"}
+_BANDS = ("others", "tracks_deg", "speeds_m_s", "altitudes_m")
+_INSIDE = {"value": "measured", "values": "measured", "samples": "valid_us", **dict.fromkeys(_BANDS, "measured")}
 _PROSE = {"message", "repair", "error", "said", "text", "remedy", "detail", "act"}
 _PIDS = count(4711)
 _IDS = re.compile(r"cc-[0-9]+(-[0-9a-f]+)*(\.[0-9a-z-]+)?")
@@ -59,14 +61,17 @@ def normalised(value: Any, name: str = "", *, is_exact: bool) -> Any:
     """The value without prose and, unless `is_exact`, without what differs from run to run."""
     if isinstance(value, dict):
         inside = "measured" if name.startswith("variance") else _INSIDE.get(name, "")
-        return {key: normalised(one, inside or key, is_exact=is_exact) for key, one in value.items()}
+        return {
+            key: normalised(one, key if key == "age_us" else inside or key, is_exact=is_exact)
+            for key, one in value.items()
+        }
     if isinstance(value, list):
         return [normalised(one, name, is_exact=is_exact) for one in value]
     if isinstance(value, str) and name in _PROSE:
         return "..."
     if is_exact or value is None:
         return value
-    if _PASSING.fullmatch(name) or (name == "measured" and isinstance(value, float)):
+    if _PASSING.fullmatch(name) or (name in _OWN and isinstance(value, float)):
         return type(value).__name__
     if name == "content":
         return value.split()[0]

@@ -1,9 +1,10 @@
 // The map: Web Mercator on a canvas, north up; tiles where there are some, a grid in metres everywhere.
 import { $, el, state, select, figure, canAct } from "/page.js";
+import { LEGEND, drawIntents, drawMeetings } from "/intents.js";
 
 const EARTH_M = 40075016.686;
-const OPEN = { routes: true, fences: true, trails: true, pairs: true, views: true, objects: true, salient: true, areas: true, labels: true, tiles: true };
-const NAMES = { trails: "trails", routes: "routes and manoeuvres", fences: "geofences", pairs: "close pairs", views: "fields of view", objects: "objects", salient: "saliency", areas: "areas", labels: "names", tiles: "tiles" };
+const OPEN = { routes: true, intents: true, fences: true, trails: true, pairs: true, views: true, objects: true, salient: true, areas: true, labels: true, tiles: true };
+const NAMES = { trails: "trails", routes: "routes and manoeuvres", intents: "intents and meetings", fences: "geofences", pairs: "close pairs", views: "fields of view", objects: "objects", salient: "saliency", areas: "areas", labels: "names", tiles: "tiles" };
 const AHEAD_S = 4, AIRCRAFT_S = 30, OLD_US = 15e6;
 
 const mercator = ([latitude, longitude]) => {
@@ -24,7 +25,7 @@ export class MapView {
     $("fit").onclick = () => this.fit();
     $("layers").onclick = () => this.toggleLayers();
     $("layer-list").append(...Object.entries(NAMES).map(([name, words]) => el("label", {},
-      el("input", { type: "checkbox", checked: OPEN[name], on: { change: (event) => { this.layers[name] = event.target.checked; this.changed(); } } }), words)));
+      el("input", { type: "checkbox", checked: OPEN[name], on: { change: (event) => { this.layers[name] = event.target.checked; this.changed(); } } }), words)), el("p", { cls: "legend", text: LEGEND }));
     this.listen();
   }
 
@@ -145,10 +146,12 @@ export class MapView {
     if (on.views) this.drawViews();
     if (on.salient) this.drawSalient();
     if (on.trails) this.drawTrails();
+    if (on.intents) drawIntents(this);
     if (on.routes) this.drawTargets();
     if (on.objects) this.drawObjects();
     if (on.pairs) this.drawPairs();
     this.drawAlarms();
+    if (on.intents) drawMeetings(this);
     this.drawPlatforms();
     this.drawScale(w, h);
   }
@@ -282,7 +285,7 @@ export class MapView {
         c.setLineDash([3, 6]); c.lineWidth = 2; c.strokeStyle = this.paint.good; c.stroke(); c.setLineDash([]);
         c.beginPath(); c.arc(x, y, 8, 0, 7); c.moveTo(x - 12, y); c.lineTo(x + 12, y); c.moveTo(x, y - 12); c.lineTo(x, y + 12); c.stroke();
         this.note(row.at, `${row.unit} to ${figure(row.at[2], " m", 0)}`, this.paint.good, 12);
-      } else if (row.kind === "avoid" && from && from.at && state.t - row.at_us < 15e6 && flights[row.unit]?.commander !== "avoidance") {
+      } else if (row.kind === "avoid" && !this.layers.intents && from && from.at && state.t - row.at_us < 15e6 && flights[row.unit]?.commander !== "avoidance") {
         const [x, y] = this.toScreen(from.at);
         this.text(x + 15, y + 26, row.by !== row.unit ? "agrees" : row.because ? "leaves it to the other" : "makes room", this.paint.good, "600 12px system-ui");
       }

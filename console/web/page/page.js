@@ -224,7 +224,7 @@ function showChips(changed) {
   chip("chip-unknown", `? ${unknown} unknown`, "warn", unknown > 0);
   const asked = state.questions().length;
   chip("chip-asked", `${asked} question${asked === 1 ? "" : "s"}`, "ask", asked > 0);
-  if (!changed || changed.platforms || changed.streams || changed.flights) showSelected();
+  if (!changed || changed.platforms || changed.streams || changed.flights || changed.intents) showSelected();
   if (!changed || changed.objects || changed.salient) {
     const homeless = ["objects", "salient"].flatMap((section) => Object.values(state.rows(section))).filter((row) => !row.at).length;
     $("notice").hidden = !homeless;
@@ -259,6 +259,8 @@ function showSelected() {
   ];
   const shown = facts.map(([name, value]) => el("div", {}, el("dt", { text: name || "\u00a0" }), el("dd", { text: value })));
   if (doing) shown.push(el("div", { cls: "wide" }, el("dt", { text: "doing" }), el("dd", { text: doing })));
+  const intent = state.rows("intents")[unit];
+  if (intent) shown.push(el("div", { cls: "wide" }, el("dt", { text: "intent" }), el("dd", { text: `${intent.source}, right of way: ${intent.rank}${intent.after_s === null ? "" : `; ${span(intent.after_s * 1e6)} without link: ${intent.failsafe.length ? "flies away and " : ""}${intent.failsafe_ending}`}` })));
   if (row.conditions && row.conditions.length) shown.push(el("div", { cls: "wide" }, el("dt", { text: "conditions" }), el("dd", { text: row.conditions.join("; ") })));
   $("facts").replaceChildren(...shown);
 }

@@ -243,6 +243,21 @@ def plans(scene: Scene) -> None:
         scene.put(kinds.SAMPLE, {**record, "prediction": [scene.at_us, branch, weight]})
 
 
+def intents(scene: Scene) -> None:
+    """Where each will be; 1 gives way, and what the autopilots fly on a lost link."""
+    for number, unit in enumerate(scene.units):
+        east, north = 70.0 * number - 200, 40.0
+        at = [float(part) for part in place(east, north).split()]
+        far, home = (",".join(place(*spot).split()) for spot in ((east + 160, north + 30), (east - 40, north - 160)))
+        source, high_m = ("manoeuvre", 84.0) if unit == "1" else ("route", 60.0 + 4 * number)
+        scene.sample(
+            unit, "intent", source=source, rank="committed" if unit == "1" else "named", latitude_deg=at[0],
+            longitude_deg=at[1], altitude_m=60.0 + 4 * number, north_m_s=0.0, east_m_s=5.0, down_m_s=0.0, speed_m_s=5.0,
+            climb_m_s=2.5, descent_m_s=1.5, radius_m=2.0, half_height_m=1.0, legs=f"{far},{high_m}", ending="hover",
+            failsafe=f"2.0 land {home},{high_m}",
+        )  # fmt: skip
+
+
 def main() -> None:
     from tests.console.web.served import browsing, serving
 

@@ -122,7 +122,7 @@ def test_what_is_refused_gives_nothing_away(page: Served) -> None:
 
 
 def test_the_page_says_that_nothing_is_loaded_from_elsewhere_and_holds_no_token(page: Served) -> None:
-    for path in ("/", "/page.js", "/map.js", "/panels.js", "/charts.js", "/page.css"):
+    for path in ("/", "/page.js", "/map.js", "/intents.js", "/panels.js", "/charts.js", "/page.css"):
         status, headers, body = page.answer("GET", path)
         assert status == 200
         policy = headers["content-security-policy"]

@@ -14,7 +14,7 @@ pytest.importorskip("uvicorn")
 
 from runtime.recordings import foxglove
 from runtime.recordings import recording_file as kinds
-from tests.console.web.scene import Scene, wait_for
+from tests.console.web.scene import Scene, intents, wait_for
 from tests.console.web.served import Served, browsing, needs_chromium, serving
 
 EVIL = "<img src=x onerror=document.title='owned'>"
@@ -121,4 +121,41 @@ def test_an_operator_sees_alarms_at_once_and_acts_by_clicks_and_keys_and_hostile
             press(driver, key)
             wait_for(driver, f"document.getElementById('panel').innerText.includes({json.dumps(text)})")
         assert driver.title == "dyknow example"  # no script of theirs ran
+        assert not complaints(driver)
+
+
+COLLECT_TEXTS = """
+const fill = CanvasRenderingContext2D.prototype.fillText, clear = CanvasRenderingContext2D.prototype.fillRect;
+window.drawn = []; window.shown = [];
+CanvasRenderingContext2D.prototype.fillText = function (words, ...rest) { if (this.canvas.id === 'map') window.drawn.push(words); return fill.call(this, words, ...rest); };
+CanvasRenderingContext2D.prototype.fillRect = function (x, y, w, h) { if (this.canvas.id === 'map' && x === 0 && y === 0) { window.shown = window.drawn; window.drawn = []; } return clear.call(this, x, y, w, h); };
+"""
+
+
+def test_intents_those_that_are_silent_and_meetings_are_on_the_map_until_they_are_switched_off(folder: Path) -> None:
+    scene = Scene(3, 0)
+    scene.step()
+    with serving(lambda: scene.feed) as page, browsing(folder) as driver:
+        opened(driver, page, 3)
+        driver.execute_script(COLLECT_TEXTS)
+        intents(scene)
+        scene.act("1", "0", "request", "(avoid units: (sequence 1 0))", 4)
+        scene.act("0", "1", "agree", "(done)", 4)
+        scene.opened("neither-can-avoid", "0", "2")
+        scene.units.remove("2")
+        for _ in range(40):
+            scene.step()
+        texts = "1 yields to 0, agreed", "1 gives way, to 84 m", "neither can avoid", "2 silent 4.0 s, 68 m"
+        for words in texts:
+            wait_for(driver, f"window.drawn.concat(window.shown).some((each) => each.startsWith({json.dumps(words)}))")
+        driver.execute_script("document.getElementById('layers').click()")
+        assert "on a lost link" in driver.execute_script("return document.getElementById('layer-list').innerText")
+        driver.execute_script(
+            "[...document.querySelectorAll('#layer-list label')].find((l) => l.textContent.includes('intents')).click()"
+        )
+        scene.step()
+        wait_for(driver, "!window.drawn.some((each) => each.includes('silent') || each.includes('yields'))")
+        driver.execute_script("document.getElementById('map').focus()")
+        press(driver, "n")
+        wait_for(driver, "document.getElementById('facts').innerText.includes('right of way: named')")
         assert not complaints(driver)

@@ -68,6 +68,63 @@ def test_a_close_pair_has_its_distance_and_a_far_one_is_none() -> None:
     assert pair == {"units": ["0", "1"], "apart": 11.1, "above": 12.5}
 
 
+def intent(valid_us: int, source: str = "route", legs: str = "58.002,15.0,60.0", **changes: Any) -> dict[str, Any]:
+    """As a recorder writes it."""
+    value = {
+        "source": source, "rank": "named", "latitude_deg": 58.0 + valid_us * 1e-12, "longitude_deg": 15.0, "altitude_m": 60.0,
+        "north_m_s": 5.0, "east_m_s": 0.0, "down_m_s": 0.0, "speed_m_s": 5.0, "climb_m_s": 2.5, "descent_m_s": 1.5,
+        "radius_m": 2.0, "half_height_m": 1.0, "legs": legs, "ending": "hover", "failsafe": "5.0 land 58.0,15.001,60.0",
+    }  # fmt: skip
+    return sample("1", "intent", valid_us, **{**value, **changes})
+
+
+def test_an_intent_is_drawn_with_what_is_flown_on_a_lost_link_until_the_vehicle_is_on_the_ground() -> None:
+    picture = Picture()
+    picture.take(1_000_000, kinds.SAMPLE, intent(1_000_000))
+    row = picture.sections()["intents"]["1"]
+    assert (row["legs"], row["source"], row["rank"]) == ([[58.002, 15.0, 60.0]], "route", "named")
+    assert (row["after_s"], row["failsafe"], row["failsafe_ending"]) == (5.0, [[58.0, 15.001, 60.0]], "land")
+    for broken in ({"legs": "58.0,north,60.0"}, {"latitude_deg": 91.0}, {"speed_m_s": float("nan")}, {"rank": EVIL}):
+        picture.take(2_000_000, kinds.SAMPLE, intent(2_000_000, **broken))
+        assert "1" not in picture.sections()["intents"], broken
+        picture.take(3_000_000, kinds.SAMPLE, intent(3_000_000))
+    picture.take(4_000_000, kinds.SAMPLE, intent(4_000_000, "ground", ""))
+    assert picture.sections()["intents"] == {}
+
+
+def test_an_intent_that_says_the_same_is_sent_every_two_seconds_and_a_change_at_once() -> None:
+    picture, sent = Picture(), 0
+    before = picture.sections()
+    for half in range(41):
+        us = 1_000_000 + half * 500_000
+        picture.take(us, kinds.SAMPLE, intent(us))
+        after = picture.sections()
+        sent += "intents" in difference(before, after)
+        before = after
+    assert sent == 11
+    picture.take(21_100_000, kinds.SAMPLE, intent(21_100_000, "manoeuvre", "58.002,15.0,84.0"))
+    assert picture.sections()["intents"]["1"]["source"] == "manoeuvre"
+
+
+def act(text: str, direction: str = "out") -> dict[str, Any]:
+    return {"by": "1", "at_us": 5, "direction": direction, "peer": "0", "outcome": "sent", "act": text}
+
+
+def test_of_a_meeting_it_is_known_which_one_yields_and_whether_that_is_agreed() -> None:
+    picture = Picture()
+    of = ":sender interface@{} :receiver interface@{} :conversation-id 1-7.0"
+    picture.take(5, kinds.ACT, act(f"(request {of.format(1, 0)} :content (avoid units: (sequence 1 0)))"))
+    [row] = picture.sections()["meetings"].values()
+    assert (row["units"], row["yields"], row["to"], row["agreed"]) == (["0", "1"], "1", "0", False)
+    picture.take(6, kinds.ACT, act(f"(agree {of.format(0, 1)})", "in"))
+    assert picture.sections()["meetings"]["0 1"]["agreed"]
+    picture.take(
+        7, kinds.ACT, act(f'(request {of.format(1, 0)} :content (avoid units: (sequence 1 0) because: "mode AUTO"))')
+    )
+    [row] = picture.sections()["meetings"].values()
+    assert (row["yields"], row["to"], row["because"]) == ("0", "1", "mode AUTO")
+
+
 def test_an_alarm_opens_with_its_reasons_and_keeps_them_when_it_closes() -> None:
     picture = Picture()
     alarm = {"id": "a", "monitor": "proximity", "by": "0", "units": ["0", "1"], "values": {"xy_dist[0, 1]": 14.5}}

@@ -1,0 +1,1 @@
+"""Commands that ask and task the members of a federation."""
