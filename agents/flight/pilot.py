@@ -8,6 +8,7 @@ sent until a user asks for it. What becomes of an order is in `agents.flight.err
 """
 
 from dataclasses import dataclass
+from typing import Final
 
 from agents.flight.arbiter import ANY_MODE, ENDINGS, HEARD_WITHIN_US, CommandClaims, Commander, MissionClaim, in_words
 from agents.flight.commanded import CommandedVehicle
@@ -17,6 +18,9 @@ from agents.flight.places import Fix
 from dyknow import Sample, earlier
 from dyknow.model.errors import Refused
 from navigation import vehicle
+from navigation.geodesy import distance_m
+
+_SAME_PLACE_M: Final = 5.0
 
 
 @dataclass(slots=True)
@@ -245,8 +249,23 @@ class Pilot(CommandedVehicle):
             return []
         if aside is None and not self._flies_elsewhere(diversion):
             self.note("it is not known where the vehicle was going: it holds")
+        self._doubt(aside)
         wanted = self._back_to(aside)
         return [] if wanted is None or self.refusal(wanted) is not None else [self._begin(wanted)]
+
+    def _doubt(self, aside: vehicle.Order | InterruptedMission | None) -> None:
+        """A mission that was begun in the second before the vehicle made room is not known: heartbeats come once a second."""
+        items = [each for each in self.loaded if each.item == self._item] if self.missions else []
+        if not isinstance(aside, vehicle.GoToOrder) or aside == self.standing or not items:
+            return
+        latitude_deg, longitude_deg = items[0].latitude_deg, items[0].longitude_deg
+        if latitude_deg is None or longitude_deg is None:
+            return
+        if distance_m(latitude_deg, longitude_deg, aside.latitude_deg, aside.longitude_deg) < _SAME_PLACE_M:
+            self.note(
+                f"it flies to the place of item {items[0].item} of its mission, and stands there: if the mission was begun "
+                "right before it made room, begin it again"
+            )
 
     def _flies_elsewhere(self, diversion: Errand) -> bool:
         """Whether another station has sent it away from its diversion: then it needs no way back."""

@@ -285,9 +285,9 @@ class GivingWay(Part):
 
     def _go_on(self, units: tuple[str, ...], now_us: int) -> None:
         self._neighbourhood.manoeuvre = None
+        self._tell(f"{self._unit} flies on" + (f", free of {', '.join(units)}" if units else ""), now_us)
         for command in self._pilot.resume():
             self._emit(command)
-        self._tell(f"{self._unit} flies on" + (f", free of {', '.join(units)}" if units else ""), now_us)
 
     def _follow_diversion(self, now_us: int) -> None:
         """See whether the vehicle flies its manoeuvre, once for each change of that."""

@@ -13,13 +13,15 @@ from sim_uavs.dynamics.flight import Mode
 
 LEAVES = frozenset({Mode.AUTO, Mode.RTL, Mode.LAND})
 """Modes out of which a platform with leave (`missions`) takes its vehicle in order to keep apart."""
-_REFUSED, _ON_ITS_WAY = ": refused: ", " flies on"
-"""A vehicle whose autopilot has refused its way is not there, unless it has flown on since."""
+_FLIES_ON = " flies on"
 _EXPLAINING_NOTES = (
     "it is not known where the vehicle was going",
     "is where it is to fly",
     "it stands where it made room",
+    ": refused: ",
+    "if the mission was begun right before",
 )
+"""Notes that say why a vehicle is not where it was sent, until it flies on."""
 
 
 class Manoeuvre(NamedTuple):
@@ -52,9 +54,9 @@ def why_not(platform: Platform, notes: list[str]) -> str:
         return pilot._rests
     if pilot.errand is not None and pilot.errand.has_failed and pilot.diversion is None:
         return pilot.errand.reason
-    is_on_its_way = False
     for note in reversed(notes):
-        is_on_its_way |= _ON_ITS_WAY in note
-        if any(words in note for words in _EXPLAINING_NOTES) or (_REFUSED in note and not is_on_its_way):
+        if note.endswith(_FLIES_ON) or f"{_FLIES_ON}, free of " in note:
+            return ""
+        if any(words in note for words in _EXPLAINING_NOTES):
             return note
     return ""

@@ -19,7 +19,7 @@ LONGEST_ALONE_S = 200.0
 LEAST_S = 35.0
 """Each flight lasts at least so long: until all that goes wrong has begun."""
 LATE, LATE_S = 3.0, 60.0
-"""A vehicle is stuck that needs longer than so many times its time alone, and so many seconds more."""
+"""A vehicle is stuck that needs longer than so many times its time alone, or the least time of a flight, and so many seconds more."""
 CALM_S, EXPLAINED_S = 2.0, 15.0
 
 
@@ -156,7 +156,7 @@ def _fly(flight: CampaignFlight, watch: Watch, alone_s: list[float | None], long
             calm_since_s = now_s
         if not all(watch.units[number].explained for number in awaited):
             explained_since_s = now_s
-        is_late = now_s > LATE_S + LATE * max((alone_s[number] or 0.0 for number in awaited), default=least_s)
+        is_late = now_s > LATE_S + LATE * max([least_s, *(alone_s[number] or 0.0 for number in awaited)])
         if is_late or now_s - calm_since_s >= CALM_S or (awaited and now_s - explained_since_s >= EXPLAINED_S):
             return
 
