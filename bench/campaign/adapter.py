@@ -45,6 +45,11 @@ def manoeuvre(platform: Platform) -> Manoeuvre | None:
     return Manoeuvre(diversion.command.number, frozenset((*reasons, "position") if is_lost else reasons))
 
 
+def is_aside(platform: Platform) -> bool:
+    """Whether the vehicle flies, or has flown, something in order to keep apart, and has not been sent on since."""
+    return platform.part(FlightAgent).pilot.diversion is not None
+
+
 def why_not(platform: Platform, notes: list[str]) -> str:
     """Why the vehicle does not arrive where it was sent, as its user is told; empty: nothing is said of it."""
     pilot = platform.part(FlightAgent).pilot

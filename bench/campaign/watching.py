@@ -12,7 +12,7 @@ from math import sqrt
 
 from agents.monitoring.alarm_log import AlarmLog
 from agents.platform import Platform
-from bench.campaign.adapter import LEAVES, manoeuvre, why_not
+from bench.campaign.adapter import LEAVES, is_aside, manoeuvre, why_not
 from bench.campaign.flying import FRAME, CampaignFlight, S
 from bench.campaign.situations import ENDS_ON_GROUND, HOVER, STREAMED, WITH_LEAVE
 from dyknow import NO_VALUE, Label, Sample
@@ -69,6 +69,7 @@ class WatchedUnit:
     number: int = -1
     manoeuvres: int = 0
     is_manoeuvring: bool = False
+    is_aside: bool = False
     is_stranded: bool = False
     reasonless_since_us: int | None = None
     last_alarm: AlarmEvent | None = None
@@ -222,12 +223,12 @@ class Watch:
             for pair in [pair for pair in self._open if pair[0] == number]:
                 self._close_all(pair, now_us)
         if platform is None:
-            unit.is_stranded = unit.is_stranded or unit.is_manoeuvring
+            unit.is_stranded = unit.is_stranded or unit.is_aside
             unit.is_manoeuvring, unit.reasonless_since_us = False, None
             return
         self._read_alarms(number, unit, platform, now_us)
         found = manoeuvre(platform)
-        unit.is_manoeuvring = found is not None
+        unit.is_manoeuvring, unit.is_aside = found is not None, is_aside(platform)
         if found is not None and found.number != unit.number:
             unit.number = found.number
             unit.manoeuvres += 1
@@ -242,7 +243,9 @@ class Watch:
             asked = self.flight.asked.get(number)
             refused = "" if asked is None else asked.trouble
             by_itself = "its autopilot flies it by itself" if unit.flies_itself else ""
-            unit.explained = refused or by_itself or why_not(platform, node.notes) or self._explaining_alarm(number)
+            stranded = "its process ended while it made room, and others were notified" if unit.is_stranded else ""
+            why = why_not(platform, node.notes) or self._explaining_alarm(number) or stranded
+            unit.explained = refused or by_itself or why
 
     def _violate(self, number: int, what: str) -> None:
         self.violations.append(f"{number} at {self.flight.seconds():.1f} s: {what}")

@@ -28,6 +28,9 @@ from navigation.intents.path import (
 ASIDE_M: Final = (30.0, 60.0, 90.0)
 LEVELS_M: Final = (14.0, 24.0, 36.0)
 BACK_M: Final = 40.0
+NEAR_M: Final = (18.0, 26.0)
+"""How far one that hovers goes aside, within a fence that is narrow: away from what it meets, and to four sides."""
+HOVERS_M_S: Final = 2.0
 ABOVE_M: Final = WIDER.upright_m + 2.0
 """How far above or below the tube of another a level is."""
 SHORT_S: Final = (2.0, 6.0)
@@ -211,7 +214,7 @@ def _candidates(yielding: Yielding) -> Iterator[_Candidate]:
         )
 
     here_m = motion.altitude_m
-    levels, short = _look_ahead(yielding)
+    levels, short, away = _look_ahead(yielding)
     for place in short:
         if hypot(place.north_m - motion.north_m, place.east_m - motion.east_m) > runs_m:
             yield _Candidate((place,), 0.0, "waits short of it")
@@ -237,6 +240,11 @@ def _candidates(yielding: Yielding) -> Iterator[_Candidate]:
                     0.5 * right_m, words + " and on",
                 )  # fmt: skip
     yield _Candidate((ahead(-BACK_M, 0.0, here_m),), 10.0, f"goes back {BACK_M:.0f} m")
+    if speed < HOVERS_M_S:
+        for near_m in NEAR_M:
+            for north, east in (*away, (1.0, 0.0), (-1.0, 0.0), (0.0, 1.0), (0.0, -1.0)):
+                place = FlatPlace(motion.north_m + near_m * north, motion.east_m + near_m * east, here_m)
+                yield _Candidate((place,), 0.0, f"goes {near_m:.0f} m aside")
     for level_m in levels[:2]:
         for side in (1.0, -1.0):
             place = ahead(runs_m, side * ASIDE_M[0], level_m)
@@ -255,22 +263,25 @@ def _direction(motion: FlatMotion, legs: Sequence[FlatPlace], speed: float) -> t
 
 
 class _Ahead(NamedTuple):
-    """What the own way meets: levels just clear of that, the nearest first, and places short of it, the farthest first."""
+    """What the own way meets: levels just clear of that, the nearest first, places short of it, the farthest first, and the ways away from it."""
 
     levels: list[float]
     short: list[FlatPlace]
+    away: list[tuple[float, float]]
 
 
 def _look_ahead(yielding: Yielding) -> _Ahead:
     motion, others = yielding.motion, yielding.others
     found = [motion.altitude_m + sign * step_m for step_m in LEVELS_M for sign in (1.0, -1.0)]
     short: list[FlatPlace] = []
+    away: list[tuple[float, float]] = []
     if len(others):
         own = fly(motion, yielding.legs, yielding.ending, yielding.performance, min(PLANNED_STEPS, others.shape[2]))
         close = closeness(own, others[:, :, : own.shape[1]], WIDER)
         seconds = first_meetings(close)
         for at in np.flatnonzero(np.isfinite(seconds))[:4]:
             found += [float(others[at, 3].max()) + ABOVE_M, float(others[at, 2].min()) - ABOVE_M]
+            away += _away(own, others[at], int(seconds[at] / STEP_S))
         for before_s in SHORT_S if np.isfinite(seconds).any() else ():
             at = max(0, int((float(seconds.min()) - before_s) / STEP_S))
             short.append(FlatPlace(float(own[0, at]), float(own[1, at]), float(own[2, at] + own[3, at]) / 2.0))
@@ -279,4 +290,11 @@ def _look_ahead(yielding: Yielding) -> _Ahead:
     for level_m in found:
         if all(abs(level_m - each) > 3.0 for each in levels):
             levels.append(level_m)
-    return _Ahead(levels, short)
+    return _Ahead(levels, short, away)
+
+
+def _away(own: Tube, other: Tube, step: int) -> list[tuple[float, float]]:
+    """North and east parts of the way from where another one is met; none if it is straight above or below."""
+    north_m, east_m = (own[:2, step] - other[:2, step]).tolist()
+    apart_m = hypot(north_m, east_m)
+    return [] if apart_m < 0.5 else [(north_m / apart_m, east_m / apart_m)]
