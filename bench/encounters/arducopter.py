@@ -15,7 +15,7 @@ import time
 from collections.abc import Callable, Sequence
 from contextlib import suppress
 from pathlib import Path
-from typing import Any, NamedTuple
+from typing import Any, Final, NamedTuple
 
 from pymavlink.dialects.v20 import ardupilotmega as mavlink
 
@@ -29,7 +29,8 @@ _FASTEST = 10.0
 _FIRST_PORT, _SLOTS, _FIRST_INSTANCE = 20_000, 200, 500
 _BOOT_S, _STEP_S = 90.0, 0.02
 _POSITION_ONLY = 0b0000111111111000
-_HEARTBEAT_S = 1.0
+_HEARTBEAT_S, _STREAM_S = 1.0, 0.5
+_WIND_FROM_DEG: Final = 135.0
 
 
 def folder() -> Path:
@@ -102,7 +103,7 @@ class Copter:
     Attributes:
         track: where it truly was.
         modes: its mode and mission item, each time one changed.
-        target: what the ground station sends again every second, if anything; `streamed_s`: when it did.
+        target: what the ground station sends again twice a second, if anything; `streamed_s`: when it did.
         route: where the ground station hears the platform, if that forwards; is_routed: it speaks to the vehicle there.
     """
 
@@ -195,15 +196,16 @@ class Copter:
             self.modes.append(found)
 
     def _beat(self) -> None:
-        last_s = 0.0
+        last_s = sent_s = 0.0
         while self._going:
             if time.monotonic() >= last_s + _HEARTBEAT_S:
                 last_s = time.monotonic()
                 self.send(mavlink.MAVLink_heartbeat_message(6, 8, 0, 0, 4, 3))
                 self._rc.sendto(struct.pack("<8H", *self._pwm), ("127.0.0.1", self._ports.rc))
-                if self.target is not None:
-                    self.goto(self.target)
-                    self.streamed_s.append(last_s)
+            if self.target is not None and time.monotonic() >= sent_s + _STREAM_S:
+                sent_s = time.monotonic()
+                self.goto(self.target)
+                self.streamed_s.append(sent_s)
             time.sleep(_STEP_S)
 
     def send(self, message: Any) -> None:
@@ -250,6 +252,11 @@ class Copter:
     def speed(self, times: float) -> None:
         """How fast simulated time runs."""
         self.set("SIM_SPEEDUP", times)
+
+    def wind(self, speed_m_s: float) -> None:
+        """Have the wind blow at that speed, also near the ground."""
+        for name, value in (("SIM_WIND_T", 1.0), ("SIM_WIND_DIR", _WIND_FROM_DEG), ("SIM_WIND_SPD", speed_m_s)):
+            self.set(name, value)
 
     def goto(self, place: Place) -> None:
         """SET_POSITION_TARGET_GLOBAL_INT, once: GUIDED only."""

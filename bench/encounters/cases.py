@@ -22,6 +22,7 @@ class Way(NamedTuple):
     Attributes:
         late_s: how far behind its place it starts, in its own time.
         is_other: whether it flies at the other speed of the case.
+        via: a waypoint between them, as parts of the half way.
     """
 
     start: tuple[float, float]
@@ -31,6 +32,7 @@ class Way(NamedTuple):
     late_s: float = 0.0
     is_other: bool = False
     begins: Begins = "goto"
+    via: tuple[float, float] | None = None
 
 
 _THIRD = 3.0**0.5 / 2.0
@@ -44,6 +46,9 @@ WAYS: Final[Mapping[str, tuple[Way, ...]]] = {
     ),
     "one point": (
         Way((-1, 0), (1, 0)), Way((0.5, -_THIRD), (-0.5, _THIRD)), Way((0.5, _THIRD), (-0.5, -_THIRD)),
+    ),
+    "one waypoint": (
+        Way((-1, 0), (1, 0), via=(0, 0)), Way((0, -1), (0, 1), via=(0, 0)), Way((1, 0), (0, -1), via=(0, 0)),
     ),
     "opposite, 50 m beside": (Way((0, -1), (0, 1)), Way((0, 1), (0, -1), beside_m=50.0, is_other=True)),
     "same way, 50 m beside": (Way((0, -1), (0, 1)), Way((0, -0.8), (0, 0.8), beside_m=50.0, is_other=True)),
@@ -104,6 +109,7 @@ class Case(NamedTuple):
         up_m: how high, above the ground.
         other_m_s: the speed of those that fly at another one.
         half_m: from a start to where the ways meet.
+        wind_m_s: from the south-east, the same at every height.
     """
 
     geometry: str
@@ -114,10 +120,12 @@ class Case(NamedTuple):
     up_m: float = UP_M
     other_m_s: float | None = None
     half_m: float = HALF_M
+    wind_m_s: float = 0.0
 
     @property
     def name(self) -> str:
         what = "" if self.fault == "none" else f", {self.fault}"
+        what += f", wind {self.wind_m_s:.0f} m/s" if self.wind_m_s else ""
         up = "" if self.up_m == UP_M else f", {self.up_m:.0f} m up"
         other = "" if self.other_m_s is None else f" and {self.other_m_s:.0f}"
         return f"{self.count} {self.geometry}, {self.speed_m_s:.0f}{other} m/s{up}{what}, seed {self.seed}"
@@ -132,6 +140,7 @@ class Leg(NamedTuple):
     end: Place
     speed_m_s: float
     begins: Begins = "goto"
+    via: Place | None = None
 
     @property
     def home(self) -> Place:
@@ -170,7 +179,8 @@ def legs(case: Case) -> list[Leg]:
         if way.start == way.end:
             exact = Place(way.beside_m, 0.0, case.up_m + way.higher_m)
             start, end = exact, exact._replace(up_m=0.0) if begins == "LAND" else exact
-        found.append(Leg(start, end, speed, begins))
+        via = way.via and Place(way.via[0] * case.half_m, way.via[1] * case.half_m, start.up_m)
+        found.append(Leg(start, end, speed, begins, via))
     return found
 
 
@@ -214,7 +224,10 @@ def low() -> list[Case]:
     ]
     threes = [Case("one point", 5.0, 3, up_m=LOW_M), *(Case("head-on", v, 3, up_m=LOW_M) for v in (5.0, 10.0))]
     returning = [Case("head-on", 5.0, 2, fault, up_m=LOW_M) for fault in LOW_FAULTS[3:5]]
-    missions = [Case("head-on", v, 2, "both AUTO, may interrupt", up_m=LOW_M) for v in (5.0, 10.0)]
+    missions = [
+        *(Case("head-on", v, 2, "both AUTO, may interrupt", up_m=LOW_M) for v in (5.0, 10.0)),
+        Case("one waypoint", 5.0, 2, "both AUTO, may interrupt", up_m=LOW_M),
+    ]
     harmless = [
         Case("opposite, 50 m beside", 5.0, up_m=LOW_M),
         Case("same way, 50 m beside", 7.0, up_m=LOW_M, other_m_s=5.0),
@@ -225,6 +238,9 @@ def low() -> list[Case]:
         *(Case("head-on", v, up_m=LOW_M) for v in (5.0, 10.0)),
         Case("head-on", 3.0, up_m=LOW_M, other_m_s=12.0),
         Case("overtaking", 12.0, up_m=LOW_M, other_m_s=3.0),
+        Case("crossing", 10.0, up_m=LOW_M),
+        Case("head-on", 10.0, up_m=LOW_M, wind_m_s=8.0),
+        Case("head-on", 5.0, fault="streams", up_m=LOW_M),
     ]
     far = [Case("head-on", 10.0, 2, "link of 0 cut before", up_m=LOW_M, half_m=190.0)]
     return [*three, *lost, *landing, *ways, *threes, *returning, *missions, *harmless, *plain, *far]

@@ -123,6 +123,8 @@ def flown(case: Case) -> Flown:
         copters = started(case, directory)
         for copter in copters:
             stack.callback(copter.close)
+            if case.wind_m_s:
+                copter.wind(case.wind_m_s)
         alone_s = undisturbed_s(copters, legs(case))
         for copter in copters:
             copter.speed(1.0)
@@ -149,7 +151,7 @@ def _prepare(case: Case, copters: Sequence[Copter]) -> None:
             copter.tap.ack_loss = 0.3
     for copter, leg in zip(copters, legs(case), strict=True):
         if leg.begins == "AUTO":
-            copter.mission([leg.start, leg.end])
+            copter.mission([leg.start, *([leg.via] if leg.via else []), leg.end])
 
 
 class Flight:

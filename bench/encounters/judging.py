@@ -32,7 +32,8 @@ class Flown:
         paces: simulated time over that of this machine; load: of the machine, at the beginning and the end.
         factors: time to arrive as a multiple of the undisturbed one, by vehicle; None: it did not arrive, or only hovers.
         arrived: whether each is at its end when the flight is over.
-        stops: how often each was diverted; resumes: how often each flew on after that.
+        stops: how often each was diverted; resumes: how often each flew on after that. Both as noted, or as told to the
+            delegator: a note that repeats itself is left out, and one that delegated may be gone.
         lost: the vehicles whose platform or link was lost for good; events: when that happened.
         trouble_s: when a vehicle could not do its part, which the case arranges; None: that is not arranged, or was not.
         told_s: how long after the trouble the operator of each was told, by vehicle; None: not at all.
@@ -137,9 +138,9 @@ def _judge_one(found: Flown, copter: Copter, leg: Leg, alone: float, began_s: fl
     orders = [(sent.at_s - began_s, copter.number, _in_words(sent.message)) for sent in copter.tap.orders]
     found.orders += orders
     unit = str(copter.number)
-    said = [text for _, by, text in found.notes if by == unit]
-    found.stops.append(sum(text.startswith(f"{unit} {move}") for text in said for move in _MOVES))
-    found.resumes.append(sum(text.startswith(f"{unit} flies on") and " on at " not in text for text in said))
+    said = [[text for _, by, text in each if by == unit] for each in (found.notes, found.told)]
+    found.stops.append(max(sum(_is_stop(unit, text) for text in each) for each in said))
+    found.resumes.append(max(sum(_is_resume(unit, text) for text in each) for each in said))
     found.modes += [(mode.at_s - began_s, copter.number, mode.name, mode.item) for mode in copter.modes]
     shown_s = [shown for shown in _shown_s(records, unit, found.began) if orders and shown <= orders[0][0]]
     found.latency_s.append(round(orders[0][0] - min(shown_s), 3) if shown_s else None)
@@ -149,6 +150,14 @@ def _judge_one(found: Flown, copter: Copter, leg: Leg, alone: float, began_s: fl
             at_s = seen.at_s
             where = (round(metres, 1) for metres in seen.place)
             found.track.append((round(at_s - began_s, 1), copter.number, *where))  # type: ignore[arg-type]
+
+
+def _is_stop(unit: str, text: str) -> bool:
+    return any(text.startswith(f"{unit} {move}") for move in _MOVES)
+
+
+def _is_resume(unit: str, text: str) -> bool:
+    return text.startswith(f"{unit} flies on") and " on at " not in text
 
 
 def _shown_s(records: Path, unit: str, began: float) -> Iterator[float]:

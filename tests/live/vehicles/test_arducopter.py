@@ -96,7 +96,7 @@ def test_after_a_pilots_takeover_nothing_is_sent(copter: Sitl, dyknow: Dyknow) -
     assert delegated(dyknow, *goto(*place(-60.0, 40.0)))[-1]["performative"] == "inform"
     copter.until(lambda at: abs(at.vx) > 200)
     copter.mode("LOITER")
-    (refused,) = delegated(dyknow, "hold", code=1)
+    (refused,) = delegated(dyknow, *goto(*place(0.0, 0.0)), code=1)
     assert "mode LOITER" in refused["content"]
     assert "avoidance off: mode LOITER" in condition(dyknow)
     copter.until(lambda at: abs(at.vx) < 50)
