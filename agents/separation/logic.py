@@ -55,8 +55,8 @@ OVER_US: Final = 1_500_000
 LEAST_US, FREE_US = 1_500_000, 500_000
 CANNOT_US: Final = 5_000_000
 MOST_ASKED: Final = 2
-WAITS_US: Final = 4_000_000
-"""So long one stands where it has made room before it looks for a way round."""
+WAITS_US, AFTER_US = 4_000_000, 2_000_000
+"""So long one stands where it has made room before it looks for a way round, and longer for each in its way that goes before by name."""
 OFTEN, OFTEN_US, MOST_COUNTED = 3, 120_000_000, 64
 """A vehicle that makes room for another one so often does not get on: that is reported."""
 NOTHING_FREE: Final = "no way is free of all others within its limits"
@@ -259,12 +259,16 @@ class SeparationLogic:
         due_us = max(manoeuvre.since_us, self._planned_us) + WAITS_US
         if now.now_us < due_us or not _stands(now.motion):
             return []
+        before = sum(unit_order(unit) < unit_order(self.unit) for unit in self._in_the_way(now))
+        if now.now_us < due_us + before * AFTER_US:  # two that stand for each other do not set out at once
+            return []
         self._planned_us = now.now_us
         found = plan(self._yielding(now, everything=True))
         if found is None or found.minima is None or found.cost_s >= NEVER_S:
             is_news, manoeuvre.waits = not manoeuvre.waits, True
             return [Waits(self._in_the_way(now))] if is_news else []
-        return self._begin(now.now_us, Manoeuvre(found, set(manoeuvre.units), now.now_us, seen_us=now.now_us))
+        units = set(self._in_the_way(now)) or set(manoeuvre.units)
+        return self._begin(now.now_us, Manoeuvre(found, units, now.now_us, seen_us=now.now_us))
 
     def _in_the_way(self, now: Situation) -> tuple[str, ...]:
         """Those that its own way meets, as far as it is looked at."""

@@ -30,7 +30,7 @@ LEVELS_M: Final = (14.0, 24.0, 36.0)
 BACK_M: Final = 40.0
 NEAR_M: Final = (18.0, 26.0)
 """How far one that hovers goes aside, within a fence that is narrow: away from what it meets, and to four sides."""
-HOVERS_M_S: Final = 2.0
+HOVERS_M_S, HERE_M = 2.0, 10.0
 ABOVE_M: Final = WIDER.upright_m + 2.0
 """How far above or below the tube of another a level is."""
 SHORT_S: Final = (2.0, 6.0)
@@ -173,13 +173,14 @@ def _flight_s(yielding: Yielding, motion: FlatMotion) -> float:
     """About how long the own way takes from there."""
     if not yielding.legs:
         return 0.0
-    speed, north_m, east_m, total_m = max(1.0, yielding.performance.speed_m_s), motion.north_m, motion.east_m, 0.0
+    performance, at, total_s = yielding.performance, FlatPlace(*motion[:3]), 0.0
+    speed = max(1.0, performance.speed_m_s)
     for leg in yielding.legs:
-        total_m += hypot(leg.north_m - north_m, leg.east_m - east_m)
-        north_m, east_m = leg.north_m, leg.east_m
-    up_m = yielding.legs[-1].altitude_m - motion.altitude_m
-    rate = yielding.performance.climb_m_s if up_m > 0 else yielding.performance.descent_m_s
-    return max(total_m / speed, abs(up_m) / rate)
+        up_m = leg.altitude_m - at.altitude_m
+        rate = performance.climb_m_s if up_m > 0 else performance.descent_m_s
+        total_s += max(hypot(leg.north_m - at.north_m, leg.east_m - at.east_m) / speed, abs(up_m) / rate)
+        at = leg
+    return total_s
 
 
 def _delay_s(yielding: Yielding, tube: Tube, straight_s: float) -> float:
@@ -240,7 +241,9 @@ def _candidates(yielding: Yielding) -> Iterator[_Candidate]:
                     0.5 * right_m, words + " and on",
                 )  # fmt: skip
     yield _Candidate((ahead(-BACK_M, 0.0, here_m),), 10.0, f"goes back {BACK_M:.0f} m")
-    if speed < HOVERS_M_S:
+    if speed < HOVERS_M_S and (
+        not legs or hypot(legs[-1].north_m - motion.north_m, legs[-1].east_m - motion.east_m) < HERE_M
+    ):
         for near_m in NEAR_M:
             for north, east in (*away, (1.0, 0.0), (-1.0, 0.0), (0.0, 1.0), (0.0, -1.0)):
                 place = FlatPlace(motion.north_m + near_m * north, motion.east_m + near_m * east, here_m)
@@ -272,7 +275,7 @@ class _Ahead(NamedTuple):
 
 def _look_ahead(yielding: Yielding) -> _Ahead:
     motion, others = yielding.motion, yielding.others
-    found = [motion.altitude_m + sign * step_m for step_m in LEVELS_M for sign in (1.0, -1.0)]
+    found: list[float] = []
     short: list[FlatPlace] = []
     away: list[tuple[float, float]] = []
     if len(others):
@@ -285,11 +288,12 @@ def _look_ahead(yielding: Yielding) -> _Ahead:
         for before_s in SHORT_S if np.isfinite(seconds).any() else ():
             at = max(0, int((float(seconds.min()) - before_s) / STEP_S))
             short.append(FlatPlace(float(own[0, at]), float(own[1, at]), float(own[2, at] + own[3, at]) / 2.0))
-    found.sort(key=lambda level_m: abs(level_m - motion.altitude_m))
+    found += [motion.altitude_m + sign * step_m for step_m in LEVELS_M for sign in (1.0, -1.0)]
     levels: list[float] = []
-    for level_m in found:
+    for level_m in found:  # those just clear of others go before round ones
         if all(abs(level_m - each) > 3.0 for each in levels):
             levels.append(level_m)
+    levels.sort(key=lambda level_m: abs(level_m - motion.altitude_m))
     return _Ahead(levels, short, away)
 
 

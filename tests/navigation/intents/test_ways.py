@@ -137,8 +137,11 @@ def test_what_is_planned_is_free_of_all_others_and_stays_in_its_limits(
     assert all(20.0 <= place.altitude_m <= 120.0 for place in found.places)
     if found.minima is not None:
         again = fly(motion, found.places, HOVER, COPTER, PLANNED_STEPS)
-        assert free(yielding, again)
         assert clearance(closeness(again, yielding.others[:, :, :PLANNED_STEPS], found.minima)) >= 1.0
+        begins_clear = (closeness(again[:, :1], yielding.others[:, :, :1], WIDER) >= 1.0).all()
+        assert free(yielding, again) or not begins_clear, (
+            "of those that are too near already each minima has its own bound"
+        )
 
 
 def test_head_on_in_the_open_something_cheap_is_found() -> None:
