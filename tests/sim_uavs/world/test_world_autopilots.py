@@ -4,6 +4,7 @@ from typing import Any
 
 import pytest
 
+from navigation.intents.meeting import MINIMA
 from reasoning import NEITHER_CAN_AVOID
 from sim_uavs.dynamics.flight import Mode
 from sim_uavs.dynamics.quadcopter import AirframeLimits, Vector
@@ -72,12 +73,14 @@ def test_two_that_a_ground_station_has_sent_once_pass_apart_in_one_manoeuvre_eac
 
 
 @PERSONAS
-def test_who_makes_room_upright_does_so_until_the_other_is_away_wherever_it_was_sent(persona: PersonaName) -> None:
+def test_who_makes_room_does_so_until_the_other_is_away_wherever_it_was_sent(persona: PersonaName) -> None:
+    """To a side or upright: one of both minima is kept all the time."""
     meeting = head_on(persona)
     truth = [meeting.world.nodes[unit].truth for unit in "01"]
     metres = dict(separations_m(meeting.world, "0", "1"))
-    near = [abs(a.altitude_m - b.altitude_m) for a, b in zip(*truth, strict=True) if metres[a.at_us] < 30.0]
+    near = [abs(a.altitude_m - b.altitude_m) for a, b in zip(*truth, strict=True) if metres[a.at_us] < MINIMA.level_m]
     assert all(apart_m > APART_M for apart_m in near)
+    assert least_m(meeting) > APART_M
 
 
 @PERSONAS
