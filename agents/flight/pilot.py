@@ -199,6 +199,9 @@ class Pilot(CommandedVehicle):
         `speed_m_s`: how fast; None: as fast as it flies by itself.
         """
         order = self.stop(altitude_m, place)
+        before = None if self.diversion is None else self.diversion.order
+        if speed_m_s is None and isinstance(before, vehicle.GoToOrder) and before.speed_m_s is not None:
+            speed_m_s = self.stated_m_s  # autopilots keep a speed until they are given another one
         if isinstance(order, vehicle.GoToOrder):
             order = order._replace(speed_m_s=speed_m_s)
         self.check(order)
@@ -212,7 +215,7 @@ class Pilot(CommandedVehicle):
         return [self.diversion.command]
 
     def _aside_is_left(self, before: Errand | None) -> bool:
-        """Whether the vehicle has left what it did for a manoeuvre before the present one."""
+        """Whether an earlier manoeuvre of this encounter was flown, so that the vehicle is no longer where it was."""
         return before is not None and (
             self._has_diverted or before.progress not in {OrderProgress.REFUSED, OrderProgress.SENT}
         )

@@ -18,17 +18,17 @@ SOON_S: Final = 20.0
 
 
 class AvoidAnswers:
-    """See the module; `logic` and `neighbourhood` take what is agreed to."""
+    """Answers to proposals. What this platform agrees to is stored in `logic` and `neighbourhood`."""
 
     def __init__(self, unit: str, logic: SeparationLogic, neighbourhood: Neighbourhood, view: SituationView) -> None:
         self._unit, self._logic = unit, logic
         self._neighbourhood, self._view = neighbourhood, view
 
     def answer(self, other: str, content: Avoid) -> str:
-        """What is agreed to, in words.
+        """Agree to a proposal; returns what was agreed, as a note for users.
 
         Raises:
-            Refused: what it proposes meets what we have agreed to; or we cannot avoid it, with the reason.
+            Refused: the proposed manoeuvre conflicts with ours, or this vehicle cannot avoid the other one; with the reason.
         """
         if set(content.units) != {self._unit, other}:
             raise Refused("the manoeuvre is not between the two of us", "not-a-participant")

@@ -15,7 +15,7 @@ from navigation.intents.path import STEP_S, FlatOrigin, nominal
 from reasoning import NONCONFORMING, AlarmEvent
 
 AFTER_US: Final = 2_000_000
-"""What was published so long ago is compared with where the vehicle is now."""
+"""The age of the intent with which the present position is compared."""
 LOOKS: Final = 6
 """How many looks in a row, two a second, decide that it is off its intent, or on it again."""
 OFF_M, OFF_SHARE, OFF_UP_M = 8.0, 0.6, 4.0
@@ -37,7 +37,7 @@ class Conformance:
         self._open: AlarmEvent | None = None
 
     def shown(self, intent: Intent) -> Intent:
-        """What is to be published: the intent, or, while the vehicle is off it, what its motion shows."""
+        """The intent to publish: the given one, or, while the vehicle does not conform to it, its present motion alone."""
         off = self._off(intent)
         self._published.append(intent)
         if intent.is_airborne:

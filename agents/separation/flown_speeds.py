@@ -12,7 +12,7 @@ OVER_US: Final = 2_000_000
 GAINS_M_S, STEADY_M_S, MOVES_M_S = 0.5, 0.3, 1.0
 MOST_UPRIGHT_M_S: Final = 20.0
 _KEPT: Final = 0.998
-"""What was seen is forgotten slowly: the share that is kept with each position."""
+"""The share of the fastest speed seen that is kept with each new position."""
 
 
 class FlownSpeeds:
@@ -44,7 +44,7 @@ class FlownSpeeds:
         return self._seen[-1][0] - self._seen[0][0] > OVER_US // 2
 
     def level_m_s(self, cruise: CruiseReport) -> float:
-        """How fast it flies its way: what it flew steadily last; while it gains speed, or stands, what its parameters say."""
+        """Its cruise speed: the last steady speed, or, while it accelerates or stands, that of its parameters."""
         now_m_s, before_m_s = (self._seen[-1][1], self._seen[0][1]) if self._seen else (0.0, 0.0)
         if now_m_s <= MOVES_M_S or now_m_s - before_m_s > GAINS_M_S:
             return max(now_m_s, cruise.speed_m_s or max(self.fastest_m_s, self._steady_m_s) or SPEED_M_S)

@@ -1,41 +1,20 @@
 """From the position that shows a meeting to the order, and to the motion that shows it: the latency of giving way."""
 
-from collections import deque
-from statistics import median
-from typing import Final
-
-KEPT: Final = 64
-
 
 class ReactionTimes:
-    """The last manoeuvres. Federation time; results in seconds.
-
-    Attributes:
-        to_order: from the valid time of the position at which a manoeuvre was planned to its first order, by manoeuvre.
-        to_motion: to when the vehicle's motion shows it.
-    """
+    """The latency of the manoeuvre under way. Federation time."""
 
     def __init__(self) -> None:
-        self.to_order: deque[float] = deque(maxlen=KEPT)
-        self.to_motion: deque[float] = deque(maxlen=KEPT)
-        self._under_way: tuple[int, int] | None = None
+        self._number, self._seen_us, self._ordered_us = -1, 0, 0
 
     def on_order(self, number: int, seen_us: int, now_us: int) -> None:
         """The first order of a manoeuvre, planned at the position valid at `seen_us`, is sent."""
-        self.to_order.append(max(0.0, (now_us - seen_us) / 1e6))
-        self._under_way = number, seen_us
+        self._number, self._seen_us, self._ordered_us = number, seen_us, now_us
 
     def on_motion(self, number: int, now_us: int) -> str:
-        """The motion shows that order; returns both times in words, or nothing if it is not that of a manoeuvre's first place."""
-        if self._under_way is None or self._under_way[0] != number:
+        """The motion shows that order; returns both latencies in words, once, or nothing if it is not a manoeuvre's first order."""
+        if number != self._number:
             return ""
-        taken_s, self._under_way = max(0.0, (now_us - self._under_way[1]) / 1e6), None
-        self.to_motion.append(taken_s)
-        return f"ordered {self.to_order[-1]:.2f} s after the position that shows the meeting, seen in motion {taken_s:.2f} s after it"
-
-    def medians(self) -> tuple[float | None, float | None]:
-        """To the order, to the motion; None: there was no manoeuvre yet."""
-        return (
-            median(self.to_order) if self.to_order else None,
-            median(self.to_motion) if self.to_motion else None,
-        )
+        self._number = -1
+        order_s, motion_s = (max(0.0, (at_us - self._seen_us) / 1e6) for at_us in (self._ordered_us, now_us))
+        return f"ordered {order_s:.2f} s after the position that shows the meeting, seen in motion {motion_s:.2f} s after it"

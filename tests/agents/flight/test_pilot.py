@@ -186,6 +186,16 @@ def test_an_order_is_refused_while_the_vehicle_gives_way_but_landing_and_stoppin
     assert flown.flying == "order"
 
 
+def test_a_manoeuvre_after_one_at_half_speed_is_given_the_speed_of_the_plan_again() -> None:
+    flown = pilot(ROUTE)
+    at(flown)
+    (slow,) = orders(flown.divert(100.0, (58.001, 15.0), ROUTE.speed_m_s / 2.0))
+    (next_one,) = orders(flown.divert(120.0, (58.001, 15.0)))
+    assert isinstance(slow, GoToOrder)
+    assert isinstance(next_one, GoToOrder)
+    assert (slow.speed_m_s, next_one.speed_m_s) == (ROUTE.speed_m_s / 2.0, ROUTE.speed_m_s)
+
+
 # -- what is flown -----------------------------------------------------------------------------------------------
 
 
