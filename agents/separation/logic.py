@@ -16,7 +16,8 @@ and of our own manoeuvre:
                flown before is flown meanwhile                              the reason is gone: what was flown before
     FLOWN      it is commanded, place by place                               refused, overtaken, unseen: we cannot, for 5 s, and
                                                                              are taken to fly our own way
-               our own way has been free of all others for half a second     over: we fly on
+               our own way has been free of all others for half a second,    over: we fly on
+               and for a second for each earlier one near that makes room
 """
 
 from collections.abc import Iterable, Mapping
@@ -40,8 +41,8 @@ from agents.separation.situation import (
     Waits,
 )
 from federation.members.directory import unit_order
-from navigation.intents.candidates import NEVER_S, PlannedManoeuvre, Yielding, plan, way_is_free
-from navigation.intents.intent import IntentEnding, RightOfWay
+from navigation.intents.candidates import PlannedManoeuvre, Yielding, plan, way_is_free
+from navigation.intents.intent import IntentEnding, IntentSource, RightOfWay
 from navigation.intents.meeting import MINIMA, clearance, closeness, first_meetings
 from navigation.intents.path import FlatMotion, Tube, fly
 
@@ -53,10 +54,12 @@ ASKS_US, URGENT_S = 500_000, 6.0
 AGAIN_US: Final = 1_000_000
 OVER_US: Final = 1_500_000
 LEAST_US, FREE_US = 1_500_000, 500_000
+TURN_US, NEAR_M = 1_000_000, 100.0
+"""So much later than each one before it a vehicle flies on: that one has published its way by then."""
 CANNOT_US: Final = 5_000_000
 MOST_ASKED: Final = 2
-WAITS_US, AFTER_US = 4_000_000, 2_000_000
-"""So long one stands where it has made room before it looks for a way round, and longer for each in its way that goes before by name."""
+WAITS_US, ROUND_US, AFTER_US = 4_000_000, 2_000_000, 1_000_000
+"""So long one stands where it has made room before it looks for a way round, so often, and later for each in its way that goes before by name."""
 OFTEN, OFTEN_US, MOST_COUNTED = 3, 120_000_000, 64
 """A vehicle that makes room for another one so often does not get on: that is reported."""
 NOTHING_FREE: Final = "no way is free of all others within its limits"
@@ -250,13 +253,22 @@ class SeparationLogic:
             return self._go_round(now, manoeuvre)
         if manoeuvre.free_since_us is None:
             manoeuvre.free_since_us = now.now_us
-        if now.now_us < manoeuvre.free_since_us + FREE_US:
+        if now.now_us < manoeuvre.free_since_us + FREE_US + self._earlier_ones(now) * TURN_US:
             return []
         return self._end(manoeuvre)
 
+    def _earlier_ones(self, now: Situation) -> int:
+        """How many near it make room, too, and fly on first: two whose ways became free at once do not meet again."""
+        earlier = set[str]()
+        for unit, tube in zip(now.traffic.units, now.traffic.tubes, strict=True):
+            away_m = np.hypot(tube[0, 0] - now.motion.north_m, tube[1, 0] - now.motion.east_m)
+            if away_m < NEAR_M and now.neighbours[unit].intent.source is IntentSource.MANOEUVRE:
+                earlier.add(unit)
+        return sum(unit_order(unit) < unit_order(self.unit) for unit in earlier)
+
     def _go_round(self, now: Situation, manoeuvre: Manoeuvre) -> list[Step]:
         """One that has stood for a while since its way is not free looks for one that leads round what is in the way."""
-        due_us = max(manoeuvre.since_us, self._planned_us) + WAITS_US
+        due_us = max(manoeuvre.since_us + WAITS_US, self._planned_us + ROUND_US)
         if now.now_us < due_us or not _stands(now.motion):
             return []
         before = sum(unit_order(unit) < unit_order(self.unit) for unit in self._in_the_way(now))
@@ -264,9 +276,11 @@ class SeparationLogic:
             return []
         self._planned_us = now.now_us
         found = plan(self._yielding(now, everything=True))
-        if found is None or found.minima is None or found.cost_s >= NEVER_S:
+        if found is None or found.minima is None or not found.returns:
             is_news, manoeuvre.waits = not manoeuvre.waits, True
             return [Waits(self._in_the_way(now))] if is_news else []
+        if found.is_here(now.motion):  # to stand on is the cheapest
+            return []
         units = set(self._in_the_way(now)) or set(manoeuvre.units)
         return self._begin(now.now_us, Manoeuvre(found, units, now.now_us, seen_us=now.now_us))
 

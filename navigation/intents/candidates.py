@@ -1,7 +1,7 @@
 """The ways in which a vehicle can keep clear of all others, and the cheapest of those that do.
 
-Each is flown ahead as a whole: braking, turning, climbing, and then the way back, which is free when it begins. Level ways go
-to the side, back, or stop; upright ways take the vehicle's own track at another level. What leaves its limits is none.
+Each is flown ahead as a whole: braking, turning, climbing, and then the way back, which is free when it begins. Level ways veer,
+go to the side or back, or stop; upright ways take the vehicle's own track at another level. What leaves its limits is none.
 """
 
 from collections.abc import Callable, Iterator, Sequence
@@ -26,6 +26,8 @@ from navigation.intents.path import (
 )
 
 ASIDE_M: Final = (30.0, 60.0, 90.0)
+VEERS_M: Final = ((30.0, 50.0), (30.0, 30.0), (60.0, 60.0))
+"""How far to a side a vehicle that flies veers from its track, and how far along it meanwhile."""
 LEVELS_M: Final = (14.0, 24.0, 36.0)
 BACK_M: Final = 40.0
 NEAR_M: Final = (18.0, 26.0)
@@ -40,11 +42,13 @@ PLANNED_STEPS: Final = 61
 WAY_STEPS: Final = 61
 """The way back is free for 30 s from where it begins."""
 RETURNS_S: Final = (4.0, 8.0, 12.0, 17.0, 22.0, 30.0)
+LATE_S: Final = 35.0
+"""When a way back is taken to be free that is not within half a minute."""
 NEVER_S: Final = 60.0
-"""What a manoeuvre costs whose way back is not free within half a minute."""
+"""What a manoeuvre costs that is not free of all others."""
 CLIMB_COST_S_PER_M: Final = 0.15
 TURN_COST_S: Final = 2.0
-MOST_LOOKED_INTO: Final = 20
+MOST_LOOKED_INTO: Final = 26
 MOST_PLACES: Final = 8
 
 Allowed = Callable[[FlatPlace, FlatPlace | None], bool]
@@ -60,6 +64,7 @@ class PlannedManoeuvre(NamedTuple):
         cost_s: seconds that it costs, energy and change among them.
         words: what it does.
         speed_m_s: how fast it is flown; None: as fast as the vehicle flies by itself.
+        returns: whether its way back becomes free within half a minute.
     """
 
     places: tuple[FlatPlace, ...]
@@ -68,6 +73,13 @@ class PlannedManoeuvre(NamedTuple):
     cost_s: float
     words: str
     speed_m_s: float | None = None
+    returns: bool = True
+
+    def is_here(self, motion: FlatMotion) -> bool:
+        """Whether the vehicle is to stand where it is."""
+        place = self.places[0]
+        away_m = hypot(place.north_m - motion.north_m, place.east_m - motion.east_m)
+        return len(self.places) == 1 and away_m < 1.0 and abs(place.altitude_m - motion.altitude_m) < 1.0
 
 
 class Yielding(NamedTuple):
@@ -163,8 +175,11 @@ def _cheapest(yielding: Yielding, flown: list[tuple[_Candidate, Tube, float]], m
     for candidate, tube, change_s in flown[:MOST_LOOKED_INTO]:
         if change_s >= least_s:
             break
-        cost_s = change_s + _delay_s(yielding, tube, straight_s)
-        found.append(PlannedManoeuvre(candidate.places, tube, minima, cost_s, candidate.words, candidate.speed_m_s))
+        delay_s, returns = _delay_s(yielding, tube, straight_s)
+        cost_s = change_s + delay_s
+        found.append(
+            PlannedManoeuvre(candidate.places, tube, minima, cost_s, candidate.words, candidate.speed_m_s, returns)
+        )
         least_s = min(least_s, cost_s)
     return min(found, key=lambda each: each.cost_s)
 
@@ -183,20 +198,25 @@ def _flight_s(yielding: Yielding, motion: FlatMotion) -> float:
     return total_s
 
 
-def _delay_s(yielding: Yielding, tube: Tube, straight_s: float) -> float:
-    """How much later it arrives than without the others: it returns to its way as soon as that is free."""
+def _delay_s(yielding: Yielding, tube: Tube, straight_s: float) -> tuple[float, bool]:
+    """How much later it arrives than without the others, since it returns to its way as soon as that is free; and whether that is soon."""
     if not yielding.legs:
-        return 0.0
+        return 0.0, True
     for after_s in RETURNS_S:
-        at = min(round(after_s / STEP_S), tube.shape[1] - 1)
-        here, before = tube[:, at], tube[:, at - 1]
-        v_north, v_east = ((here[:2] - before[:2]) / STEP_S).tolist()
-        motion = FlatMotion(float(here[0]), float(here[1]), float(here[2] + here[3]) / 2.0, v_north, v_east, 0.0)
+        motion = _at(tube, after_s)
         way = fly(motion, yielding.legs, yielding.ending, yielding.performance, WAY_STEPS)
         there = later(yielding.others, after_s, WAY_STEPS)
         if clearance(closeness(way, there, WIDER)) >= 1.0:
-            return max(0.0, after_s + _flight_s(yielding, motion) - straight_s)
-    return NEVER_S
+            return max(0.0, after_s + _flight_s(yielding, motion) - straight_s), True
+    return max(0.0, LATE_S + _flight_s(yielding, _at(tube, LATE_S)) - straight_s), False
+
+
+def _at(tube: Tube, after_s: float) -> FlatMotion:
+    """Where it is by then, and how it moves level."""
+    at = min(round(after_s / STEP_S), tube.shape[1] - 1)
+    here, before = tube[:, at], tube[:, at - 1]
+    v_north, v_east = ((here[:2] - before[:2]) / STEP_S).tolist()
+    return FlatMotion(float(here[0]), float(here[1]), float(here[2] + here[3]) / 2.0, v_north, v_east, 0.0)
 
 
 def _candidates(yielding: Yielding) -> Iterator[_Candidate]:
@@ -231,6 +251,11 @@ def _candidates(yielding: Yielding) -> Iterator[_Candidate]:
             on = tuple(leg._replace(altitude_m=level_m) for leg in legs[:2])
             yield _Candidate((climb, *on), change_m, f"flies on at {level_m:.0f} m")
         yield _Candidate((ahead(runs_m, 0.0, level_m),), change_m, f"goes to {level_m:.0f} m and holds")
+    if legs and hypot(legs[-1].north_m - motion.north_m, legs[-1].east_m - motion.east_m) > HERE_M:
+        for right_m, along_m in VEERS_M:
+            for side in (1.0, -1.0):
+                words = f"veers {right_m:.0f} m {'right' if side > 0 else 'left'}"
+                yield _Candidate((ahead(runs_m + along_m, side * right_m, here_m),), 0.0, words)
     for right_m in ASIDE_M:
         for side in (1.0, -1.0):
             words = f"goes {right_m:.0f} m {'right' if side > 0 else 'left'}"

@@ -164,6 +164,21 @@ def test_three_at_one_point_low_over_the_ground_keep_apart_and_arrive(speed: flo
     assert len(space.arrived_s) == 3
 
 
+@pytest.mark.parametrize(("other", "later_s"), [("1", 1.0), ("3", 0.0)])
+def test_of_two_that_make_room_at_one_place_the_earlier_flies_on_first(other: str, later_s: float) -> None:
+    """So that two whose ways become free at once do not meet again."""
+    flies_on_s = list[float]()
+    for is_there in (False, True):
+        zero = flyer("0", (-100.0, 0.0, 60.0), (100.0, 0.0, 60.0))
+        two = flyer("2", (100.0, 0.0, 60.0), (-100.0, 0.0, 60.0))
+        stands = Flyer(other, FlatMotion(20.0, 60.0, 30.0, 0.0, 0.0, 0.0), FlatPlace(20.0, 60.0, 30.0))
+        stands.flown = (stands.goal,)
+        Airspace([zero, two, stands] if is_there else [zero, two]).run(60.0)
+        flies_on_s += [at_s for at_s, step in two.steps if isinstance(step, GoOn)]
+    without_s, with_it_s = flies_on_s
+    assert with_it_s - without_s == pytest.approx(later_s, abs=0.25)
+
+
 def test_lanes_and_crossing_well_behind_are_no_meeting() -> None:
     lanes = [flyer("0", (-150.0, 0.0, 60.0), (150.0, 0.0, 60.0)), flyer("1", (150.0, 50.0, 60.0), (-150.0, 50.0, 60.0))]
     behind = flyer("2", (0.0, -150.0 - 8 * 5.0, 60.0), (0.0, 150.0, 60.0))

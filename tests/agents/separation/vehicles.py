@@ -58,9 +58,10 @@ class Flyer:
         m, places = self.motion, (self.goal,) if self.flown is None else self.flown
         rank = RightOfWay.CANNOT if self.cannot else RightOfWay.NAMED if self.flown is None else RightOfWay.COMMITTED
         legs = tuple(IntendedPlace(*ORIGIN.degrees(p.north_m, p.east_m), p.altitude_m) for p in places)
+        source = IntentSource.ORDER if self.flown is None else IntentSource.MANOEUVRE
         return Intent(
             at_us, *ORIGIN.degrees(m.north_m, m.east_m), m.altitude_m, m.north_m_s, m.east_m_s, -m.up_m_s,
-            IntentSource.ORDER, rank, legs, IntentEnding.HOVER, self.speed_m_s,
+            source, rank, legs, IntentEnding.HOVER, self.speed_m_s,
         )  # fmt: skip
 
     def situation(self, now_us: int) -> Situation:

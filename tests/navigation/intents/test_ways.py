@@ -152,6 +152,33 @@ def test_head_on_in_the_open_something_cheap_is_found() -> None:
     assert found.cost_s < 10.0
 
 
+@pytest.mark.parametrize("speed", [0.0, 2.0, 5.0])
+def test_a_fast_one_that_crosses_is_veered_from_and_soon_the_own_way_is_free(speed: float) -> None:
+    """On one level, where slowing down alone is not enough."""
+    crosses = fly(FlatMotion(50.0, -60.0, 60.0, 0.0, 8.0, 0.0), [to(50, 300)], HOVER, COPTER._replace(speed_m_s=8.0))
+    level = yields(north_bound(speed), [to(200, 0)], crosses)._replace(
+        allowed=lambda place, _before: 55.0 <= place.altitude_m <= 65.0
+    )
+    found = plan(level)
+    assert found is not None
+    assert found.minima is WIDER
+    assert found.returns
+    assert found.cost_s < 6.0
+
+
+def test_to_stand_is_compared_with_what_leads_round_by_when_its_way_back_is_free() -> None:
+    """One climbs slowly through the level ahead: to wait for longer than half a minute costs that, and not for ever."""
+    slow = COPTER._replace(speed_m_s=2.0)
+    climbs = fly(still(45, 0, 20.0), [to(45, 0, 110.0)], HOVER, COPTER)
+    here = yields(still(0, 0), [to(60, 0)], climbs)._replace(
+        performance=slow, allowed=lambda place, _before: 55.0 <= place.altitude_m <= 65.0
+    )
+    found = plan(here)
+    assert found is not None
+    assert found.cost_s < 45.0
+    assert found.is_here(here.motion) or hypot(found.places[-1].north_m, found.places[-1].east_m) < 70.0
+
+
 def test_under_a_low_ceiling_it_goes_aside() -> None:
     head_on = fly(FlatMotion(110.0, 0.0, 60.0, -5.0, 0.0, 0.0), [to(-100, 0)], HOVER, COPTER)
     low = yields(north_bound(), [to(200, 0)], head_on)._replace(
