@@ -76,7 +76,8 @@ IDLE = "idle"
 class MonitorEntry(parts.ContentPart):
     """One monitor: its verdict, and the state of its inputs (`which` are not fresh, since when).
 
-    `states` says in KPL what its states are made of, unless that is long, `counted` how many lacked something, and what. `because` are the parts of the formula that opened
+    `states` says in KPL what its states are made of, unless that is long, `counted` how many lacked something, and
+    what. `because` are the parts of the formula that opened
     the alarm that is open, if that was asked for. `margin`: how far the formula is from being violated, in the units of what
     it compares.
     """
