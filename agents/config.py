@@ -4,8 +4,8 @@ from collections.abc import Callable, Mapping
 from dataclasses import dataclass, field
 from typing import Literal
 
-from agents.flight.places import FlightLimits, FlightPlan
 from agents.part import Part
+from agents.places import FlightLimits, FlightPlan
 from anchoring.roads.network import RoadNetwork
 from dyknow import Prototype
 from federation.members.clock import FederationClock

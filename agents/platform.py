@@ -16,7 +16,8 @@ from agents.containment import Containment, place_of, sender_of
 from agents.deadlines import PartDeadlines
 from agents.effects import Effect, Event, Note
 from agents.part import NOT_MINE, Followed, Handler, Part, PeerChange, overrides
-from agents.parts import Ports
+from agents.parts import PlatformParts
+from agents.ports import Ports
 from dyknow.model.errors import DecodeError
 from federation import keys
 from federation.members.member import Member
@@ -36,7 +37,7 @@ class Platform:
     events are put together by the `on_time` that `deadline_us` asks for at once.
 
     Attributes:
-        ports: what the parts are built of, for observers from outside.
+        ports, built: what the parts are built of, and what was built, for observers from outside.
         deadlines: when its parts have work next.
         refused: what arrived and was dropped before it reached a part, by reason.
         containment: what parts raised, and what follows.
@@ -51,6 +52,7 @@ class Platform:
         self.containment = Containment(
             self._note, lambda: self._now_us, self._cause, self._may_silence, is_on=config.contained
         )
+        self.built = PlatformParts(config)
         self.ports = Ports(
             config,
             now_us,
@@ -64,9 +66,10 @@ class Platform:
             conditions=self._conditions,
             now_us=lambda: self._now_us,
             contain=self.containment,
+            above=self.built,
         )
         self._network = self.ports.network
-        self.parts = self.ports.build()
+        self.parts = self.built.build(self.ports)
         self.containment.owner_of = lambda unit: self.ports.share_of(unit).owner
         self._with_peers, self._with_alarms = self._having("on_peer"), self._having("on_alarm")
         self._flushed, self._owing = self._having("flush"), self._having("is_owing")

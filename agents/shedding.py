@@ -6,16 +6,15 @@ Each message of samples states how often they come; `ls` shows it as a condition
 declared.
 """
 
-from collections.abc import Callable, Iterable
+from collections.abc import Iterable
 from typing import Final
 
-from agents.config import PlatformConfig
 from agents.effects import Pressed
 from agents.exchange.export_proxy import ExportProxy
 from agents.exchange.subscription_keeper import SubscriptionKeeper
 from agents.monitoring.monitors import UnitMonitors
 from agents.part import Part
-from federation.members.directory import DirectoryFacilitator
+from agents.ports import PartRegistry, Ports
 from federation.messages.descriptions import ConditionEntry
 from reasoning import AlarmEvent
 
@@ -43,19 +42,11 @@ class Shedding(Part):
 
     takes = {Pressed: "on_pressed"}  # noqa: RUF012  (a declaration)
 
-    def __init__(
-        self,
-        config: PlatformConfig,
-        exporter: ExportProxy,
-        monitors: UnitMonitors,
-        keeper: SubscriptionKeeper,
-        directory: DirectoryFacilitator,
-        note: Callable[[str], None],
-        offer: Callable[[int], None],
-    ) -> None:
-        self._may_shed = config.shedding
-        self._exporter, self._monitors, self._keeper = exporter, monitors, keeper
-        self._directory, self._note, self._offer = directory, note, offer
+    def __init__(self, ports: Ports, parts: PartRegistry) -> None:
+        self._may_shed = ports.config.shedding
+        self._exporter, self._monitors = parts[ExportProxy.of], parts[UnitMonitors.of]
+        self._keeper = parts[SubscriptionKeeper]
+        self._directory, self._note, self._offer = ports.directory, ports.note, ports.offer
         self._alarms: set[str] = set()
         self.level = 0
         self._changed_us = self._eased_us = 0

@@ -172,7 +172,7 @@ class PlatformMetrics:
             "dyknow_monitors", "Monitors, by what they show.", labels=["unit", "monitor", "shows"]
         )
         shown: Counter[tuple[str, str]] = Counter()
-        for named in self._platform.ports.monitors.named.copy().values():
+        for named in self._platform.built.monitors.named.copy().values():
             shown.update((named.plan.name, each.monitor.shows) for each in named.instances.copy().values())
         for (monitor, shows), count in shown.items():
             monitors.add_metric([unit, monitor, shows], count)

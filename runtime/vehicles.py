@@ -12,7 +12,7 @@ from importlib import import_module
 from typing import TYPE_CHECKING, Any, NamedTuple, Protocol
 
 from agents.effects import InjectFault
-from agents.flight.places import FlightLimits
+from agents.places import FlightLimits
 from dyknow.model.errors import Refused, UnitError
 from federation.members.clock import FederationClock
 from navigation.vehicle import Command, Report

@@ -4,14 +4,14 @@ A public service answers any agent on any platform, a protected one only through
 platform is no service: its parts call each other, and no act reaches that. Times are the node clock.
 """
 
-from collections.abc import Callable, Iterable, Sequence
+from collections.abc import Callable, Iterable
 from typing import Any, TypeAlias
 
 from agents.actions import Action, Role, ServiceTable
 from agents.admission.limits import TEXT_BURST, TEXT_PER_S, text_in
-from agents.containment import Containment, place_of
-from agents.interface import InterfaceAgent
+from agents.containment import place_of
 from agents.part import ClockCompared, Followed, Part, PeerChange
+from agents.ports import PartRegistry, Ports
 from agents.tasks.command_watch import SHOWN, CommandWatch
 from dyknow.model import errors
 from federation import keys
@@ -21,7 +21,7 @@ from federation.messages.acts import Act, Performative
 from federation.messages.contents import Done, Reason, read
 from federation.messages.descriptions import ConditionEntry
 from federation.messages.protocols import OPENING
-from federation.shares import COMMANDING, ActLimits, MemberShare
+from federation.shares import COMMANDING, ActLimits
 from federation.transport import Arrived
 
 P = Performative
@@ -72,25 +72,20 @@ class Admission(Part):
     vital = True
     arrivals = {"acl": "on_act"}  # noqa: RUF012  (a declaration)
 
-    def __init__(
-        self,
-        agent: InterfaceAgent,
-        parts: Sequence[Part],
-        limits: ActLimits,
-        share_of: Callable[[str], MemberShare],
-        role_of: Callable[[str], Role],
-        refuse: Callable[[str], None],
-        contain: Containment,
-        watch: CommandWatch,
-        offer: Callable[[int], None],
-    ) -> None:
-        self._interface, self._parts, self._limits, self._role_of = agent, tuple(parts), limits, role_of
-        self._share_of, self._offer, self._refusals = share_of, offer, agent.conversations.refusals
+    def __init__(self, ports: Ports, parts: PartRegistry) -> None:
+        handling = ports.handling()
+        self._interface, self._parts, self._limits = ports.agent, tuple(handling), ports.limits
+        self._role_of = ports.role_of
+        self._share_of, self._offer, self._refusals = ports.share_of, ports.offer, ports.agent.conversations.refusals
         self._texts = ActLimits(TEXT_PER_S, TEXT_BURST)
-        self._contain, self._refuse, self._unit, self._watch = contain, refuse, agent.unit, watch
-        self.table = ServiceTable(offer for part in parts for offer in part.offers)
+        self._contain, self._refuse, self._unit = ports.contain, ports.refuse, ports.agent.unit
+        self._watch = parts[CommandWatch]
+        self.table = ServiceTable(offer for part in handling for offer in part.offers)
         self._handlers: dict[str, Handler] = {
-            action.head: _handler(part, action) for part in parts for offer in part.offers for action in offer.actions
+            action.head: _handler(part, action)
+            for part in handling
+            for offer in part.offers
+            for action in offer.actions
         }
 
     # -- events ------------------------------------------------------------------------------------------------

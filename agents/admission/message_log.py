@@ -4,8 +4,8 @@ from typing import Final
 
 from agents.actions import QUERIED, SUBSCRIBED, Action, Offer, Role
 from agents.audit_log import AuditEntry
-from agents.interface import InterfaceAgent
 from agents.part import Part
+from agents.ports import PartRegistry, Ports
 from agents.subscribers import Subscribers
 from agents.tasks.life import TaskLife
 from federation.members.offers import Service
@@ -34,10 +34,10 @@ class MessageLog(Part):
     )
     answers = (ActLog,)
 
-    def __init__(self, agent: InterfaceAgent, tasks: TaskLife) -> None:
-        self._audit_log, self._agent = agent.audit_log, agent
-        self._subscribers = Subscribers(agent, tasks)
-        agent.audit_log.subscribe(self._on_entry)
+    def __init__(self, ports: Ports, parts: PartRegistry) -> None:
+        self._audit_log, self._agent = ports.agent.audit_log, ports.agent
+        self._subscribers = Subscribers(ports.agent, parts[TaskLife])
+        ports.agent.audit_log.subscribe(self._on_entry)
 
     def on_subscribe(self, act: Act, _content: Acts, now_us: int) -> None:
         """`(acts)`"""

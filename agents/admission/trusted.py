@@ -4,10 +4,8 @@ Samples of a platform are as much less certain when they arrive. What it promise
 query and its say in how an object is called count as much less.
 """
 
-from collections.abc import Callable, Mapping
-
 from agents.part import Part, PeerChange
-from dyknow import Network
+from agents.ports import PartRegistry, Ports
 from federation.members.liveness import PlatformAppeared
 from kpl.linking.beliefs import trust_in
 
@@ -19,8 +17,8 @@ class PlatformTrust(Part):
         trusted: as declared, by unit; others are trusted wholly.
     """
 
-    def __init__(self, trusted: Mapping[str, float], network: Network, note: Callable[[str], None]) -> None:
-        self._trusted, self._network, self._note = trusted, network, note
+    def __init__(self, ports: Ports, _parts: PartRegistry) -> None:
+        self._trusted, self._network, self._note = ports.config.trusted, ports.network, ports.note
 
     def declared(self, unit: str) -> float:
         """How far a platform is trusted as declared."""

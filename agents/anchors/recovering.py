@@ -16,23 +16,18 @@ from agents.attention.camera_attention import CameraAttention
 from agents.attention.following import Following
 from agents.attention.wanting import WantedTask, Wanting
 from agents.cameras.cameras import VIEW
-from agents.config import PlatformConfig
-from agents.effects import Effect, SearchOver, Tell
+from agents.effects import SearchOver, Tell
 from agents.flight.pilot import Pilot
-from agents.interface import InterfaceAgent
 from agents.missions.command_run import VehicleCommand
 from agents.missions.leading import MissionLeading
 from agents.missions.performing import Performing
 from agents.part import Part
+from agents.ports import PartRegistry, Ports
 from agents.specification.object_queries import LONGEST_REASON, ObjectQueries
 from anchoring.links.objects import LinkEvent
-from dyknow import NO_VALUE, Label, Network, Policy, Sample
+from dyknow import NO_VALUE, Label, Policy, Sample
 from dyknow.model.errors import Refused
-from federation.members.clock import FederationClock
-from federation.members.directory import DirectoryFacilitator
 from federation.messages.contents import MissionEntry, MissionQuestion, ObjectEvent, Progress
-from federation.sharing.translation import Translation
-from kpl import Instance
 from kpl.linking.streams import LinkStream
 from kpl.running.ports import Undo
 from navigation.vehicle import GoToOrder
@@ -252,38 +247,21 @@ class RecoveringAnchors(Part):
         queries: lists what happened to objects.
     """
 
-    def __init__(
-        self,
-        unit: str,
-        config: PlatformConfig,
-        agent: InterfaceAgent,
-        clock: FederationClock,
-        directory: DirectoryFacilitator,
-        network: Network,
-        translation: Translation,
-        attention: CameraAttention,
-        performing: Performing,
-        leading: MissionLeading,
-        wanting: Wanting,
-        following: Following,
-        queries: ObjectQueries,
-        pilot: Pilot,
-        instance: Instance,
-        emit: Callable[[Effect], None],
-        note: Callable[[str], None],
-    ) -> None:
-        self.unit, self._rig, self._agent, self._clock, self._directory = unit, config.rig, agent, clock, directory
-        self.attention, self.performing, self.leading, self._pilot = attention, performing, leading, pilot
-        self.following = following
-        self.instance, self._emit, self._note = instance, emit, note
-        self.frame = config.rig.frame
+    def __init__(self, ports: Ports, parts: PartRegistry) -> None:
+        self.unit, self._rig, self._agent, self._clock = ports.unit, ports.config.rig, ports.agent, ports.clock
+        self._directory = ports.directory
+        self.attention, self.performing = parts[CameraAttention], parts[Performing]
+        self.leading, self._pilot = parts[MissionLeading], parts[Pilot.of]
+        self.following = parts[Following]
+        self.instance, self._emit, self._note = ports.instance(), ports.emit, ports.note
+        self.frame = ports.config.rig.frame
         self._recoveries: dict[str, _Recovery] = {}
         self._view: Sample | None = None
         self._due_us = 0
         self._now_us = 0
-        network.subscribe(translation.local_label(VIEW, unit), Policy(), self._on_view)
-        wanting.recoveries = self
-        queries.histories.append(self.events)
+        ports.network.subscribe(ports.translation.local_label(VIEW, ports.unit), Policy(), self._on_view)
+        parts[Wanting].recoveries = self
+        parts[ObjectQueries].histories.append(self.events)
 
     def _on_view(self, sample: Sample) -> None:
         if sample.value is not NO_VALUE:

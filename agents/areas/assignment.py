@@ -13,15 +13,14 @@ from typing import Final
 
 from agents.actions import COORDINATION, INFORMED, Action, Offer
 from agents.part import Part, PeerChange
+from agents.ports import PartRegistry, Ports
 from agents.tasks.authority import Authority, TaskEvidence
-from dyknow import US_PER_S, Network
+from dyknow import US_PER_S
 from dyknow.model.errors import Refused
-from federation.members.clock import FederationClock
 from federation.members.liveness import PlatformAppeared, PlatformGone
 from federation.messages.acts import Act
 from federation.messages.contents import AssignArea, DivideArea
 from federation.messages.descriptions import ConditionEntry, LabelEntry
-from federation.sharing.translation import Translation
 
 LABEL: Final = "assigned-area"
 PERIOD_US: Final = US_PER_S
@@ -55,20 +54,12 @@ class AreaAssignment(Part):
 
     offers = (Offer(COORDINATION, (Action(AssignArea, "on_assign", INFORMED),)),)
 
-    def __init__(
-        self,
-        unit: str,
-        clock: FederationClock,
-        authority: Authority,
-        network: Network,
-        translation: Translation,
-        offer: Callable[[int], None],
-        note: Callable[[str], None],
-    ) -> None:
-        self._clock, self._network, self._offer, self._note = clock, network, offer, note
-        self._authority, self._translation, self._local = authority, translation, translation.local_label(LABEL, unit)
-        authority.on_over.append(self.drop)
-        authority.held.append(lambda: [piece.evidence for piece in self.known.values()])
+    def __init__(self, ports: Ports, parts: PartRegistry) -> None:
+        self._clock, self._network, self._offer, self._note = ports.clock, ports.network, ports.offer, ports.note
+        self._authority, self._translation = parts[Authority], ports.translation
+        self._local = ports.translation.local_label(LABEL, ports.unit)
+        parts[Authority].on_over.append(self.drop)
+        parts[Authority].held.append(lambda: [piece.evidence for piece in self.known.values()])
         self.on_led: Callable[[str], None] = lambda _task: None
         self.on_piece: Callable[[], None] = lambda: None
         self.pieces: dict[str, AssignedPiece] = {}

@@ -6,7 +6,7 @@ leader is gone, the first in the order of `agents.tasks.authority` takes over. I
 and divides again. Its acts carry the one that delegated the division. Times are the node clock.
 """
 
-from collections.abc import Callable, Sequence
+from collections.abc import Sequence
 from dataclasses import dataclass, field
 from functools import partial
 from typing import Any, Final
@@ -14,15 +14,15 @@ from typing import Any, Final
 from agents.actions import COORDINATION, Offer
 from agents.areas.assignment import AreaAssignment
 from agents.exchange.gateway import Gateway
-from agents.interface import InterfaceAgent
 from agents.part import Part, PeerChange
+from agents.ports import PartRegistry, Ports
 from agents.tasks.authority import WAIT_US, Authority, TaskEvidence
 from agents.tasks.life import TaskLife
 from agents.tasks.requests import DIVIDE_AREA
 from agents.tasks.task import Task
 from dyknow.model.errors import DyknowError, Refused
 from dyknow.model.values import NO_VALUE
-from federation.members.directory import DirectoryFacilitator, unit_order
+from federation.members.directory import unit_order
 from federation.members.liveness import PeerState, PlatformAppeared, PlatformGone, PlatformReturned
 from federation.members.offers import LabelAppeared, LabelGone
 from federation.messages.acts import Act, Performative
@@ -133,25 +133,16 @@ class AreaDivision(Part):
 
     offers = (Offer(COORDINATION, (DIVIDE_AREA,)),)
 
-    def __init__(
-        self,
-        unit: str,
-        boot: int,
-        agent: InterfaceAgent,
-        directory: DirectoryFacilitator,
-        gateway: Gateway,
-        tasks: TaskLife,
-        authority: Authority,
-        own: AreaAssignment,
-        note: Callable[[str], None],
-    ) -> None:
-        self._unit, self._boot, self._agent, self._directory, self._gateway = unit, boot, agent, directory, gateway
-        self._tasks, self._authority, self._own, self._note = tasks, authority, own, note
+    def __init__(self, ports: Ports, parts: PartRegistry) -> None:
+        self._unit, self._boot, self._agent, self._directory = ports.unit, ports.boot, ports.agent, ports.directory
+        self._gateway = parts[Gateway.of]
+        self._tasks, self._authority, self._own = parts[TaskLife], parts[Authority], parts[AreaAssignment]
+        self._note = ports.note
         self.areas: dict[str, DividedArea] = {}
         self.succeeds_us: dict[str, int] = {}
-        own.on_led = self._on_led
-        authority.on_over.append(self._on_over)
-        authority.held.append(lambda: [divided.evidence for divided in self.areas.values()])
+        parts[AreaAssignment].on_led = self._on_led
+        parts[Authority].on_over.append(self._on_over)
+        parts[Authority].held.append(lambda: [divided.evidence for divided in self.areas.values()])
 
     def _check_room(self, delegator: str) -> None:
         owner = self._authority.owner

@@ -5,7 +5,7 @@ other: when one is gone, and the area is divided again, the others fly over what
 a mission, so that its pilot and giving way go before it; that a command centre asked for the scan is in the evidence of its task.
 """
 
-from collections.abc import Callable, Iterable
+from collections.abc import Iterable
 from dataclasses import dataclass
 from typing import Final
 
@@ -13,7 +13,6 @@ import numpy as np
 
 from agents.areas.assignment import AreaAssignment, AssignedPiece
 from agents.cameras.cameras import VIEW
-from agents.config import PlatformConfig
 from agents.exchange.local_instance import LocalInstance
 from agents.exchange.partners import Partners
 from agents.exchange.subscription_keeper import SubscriptionKeeper
@@ -21,13 +20,12 @@ from agents.flight.pilot import Pilot
 from agents.missions.command_run import VehicleCommand
 from agents.missions.performing import Performing
 from agents.part import Part
-from dyknow import NO_VALUE, US_PER_S, Label, Network, Policy, Sample
+from agents.ports import PartRegistry, Ports
+from dyknow import NO_VALUE, US_PER_S, Label, Policy, Sample
 from dyknow.model.errors import Refused
 from dyknow.network.generator import Subscription
-from federation.members.clock import FederationClock
 from federation.messages.contents import AreaRing, DivideArea
 from federation.messages.descriptions import ConditionEntry, LabelEntry
-from federation.sharing.translation import Translation
 from navigation.scanning import Floats, ScanGrid, lawn_mower, swath_m, within
 
 SCANNED: Final = "scanned-area"
@@ -60,32 +58,21 @@ class Scanning(Part):
         scan: the present one; None: none was assigned.
     """
 
-    def __init__(
-        self,
-        config: PlatformConfig,
-        clock: FederationClock,
-        network: Network,
-        translation: Translation,
-        assignment: AreaAssignment,
-        performing: Performing,
-        pilot: Pilot,
-        local: LocalInstance,
-        keeper: SubscriptionKeeper,
-        note: Callable[[str], None],
-        offer: Callable[[int], None],
-    ) -> None:
-        self._unit, self._rig, self._frame, self._clock = config.unit, config.rig, config.rig.frame, clock
-        self._network, self._translation, self._assignment = network, translation, assignment
-        self._performing, self._pilot, self._note, self._offer = performing, pilot, note, offer
-        self._partners = Partners(network, local, keeper, self._on_scanned)
-        self._label: Label = translation.local_label(SCANNED, config.unit)
-        self._view: Label = translation.local_label(VIEW, config.unit)
+    def __init__(self, ports: Ports, parts: PartRegistry) -> None:
+        self._unit, self._rig, self._frame = ports.config.unit, ports.config.rig, ports.config.rig.frame
+        self._clock = ports.clock
+        self._network, self._translation, self._assignment = ports.network, ports.translation, parts[AreaAssignment]
+        self._performing, self._pilot, self._note = parts[Performing], parts[Pilot.of], ports.note
+        self._offer = ports.offer
+        self._partners = Partners(ports.network, parts[LocalInstance], parts[SubscriptionKeeper], self._on_scanned)
+        self._label: Label = ports.translation.local_label(SCANNED, ports.config.unit)
+        self._view: Label = ports.translation.local_label(VIEW, ports.config.unit)
         self._looking: Subscription | None = None
         self._joined = ""
         self._shown, self._shown_us = "", 0
         self._due_us: int | None = None
         self.scan: _Scan | None = None
-        assignment.on_piece = self._on_piece
+        parts[AreaAssignment].on_piece = self._on_piece
 
     def labels(self) -> Iterable[LabelEntry]:
         if not self._network.has(self._label):

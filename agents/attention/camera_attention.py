@@ -1,18 +1,17 @@
 """A platform's camera, turned to what is to be learnt of the objects that it knows, while a task has it so (thesis 8.5, 10.4)."""
 
-from collections.abc import Callable, Iterable
+from collections.abc import Iterable
 from itertools import count
 from math import hypot
 
 from agents.actions import Offer
 from agents.attention.seen_objects import SeenObjects
 from agents.cameras.cameras import Cameras
-from agents.config import PlatformConfig
 from agents.effects import Reported
 from agents.flight.flight import FLIGHT
 from agents.flight.pilot import Pilot
-from agents.interface import InterfaceAgent
 from agents.part import NOT_MINE, Followed, Part
+from agents.ports import PartRegistry, Ports
 from agents.tasks.life import TaskLife
 from agents.tasks.requests import ATTEND
 from agents.tasks.task import Task
@@ -20,14 +19,10 @@ from anchoring.attention.deciding import Attention, Gaze
 from anchoring.attention.ground import around, roads_near
 from anchoring.attention.view import TurnableCamera
 from anchoring.roads.network import RoadNetwork
-from dyknow import Network
 from dyknow.model.errors import Refused
-from federation.members.clock import FederationClock
 from federation.messages.acts import Act
 from federation.messages.contents import Attend
 from federation.messages.descriptions import ConditionEntry, LabelEntry
-from federation.sharing.translation import Translation
-from kpl import Instance
 from navigation.cameras.pinhole import PanTilt
 from navigation.vehicle import (
     SUPERSEDED,
@@ -68,30 +63,17 @@ class CameraAttention(Part):
     offers = (Offer(FLIGHT, (ATTEND,)),)
     takes = {Reported: "on_reported"}  # noqa: RUF012  (a declaration)
 
-    def __init__(
-        self,
-        config: PlatformConfig,
-        agent: InterfaceAgent,
-        clock: FederationClock,
-        network: Network,
-        translation: Translation,
-        cameras: Cameras,
-        pilot: Pilot,
-        tasks: TaskLife,
-        instance: Instance,
-        emit: Callable[[Command], None],
-        note: Callable[[str], None],
-        offer: Callable[[int], None],
-    ) -> None:
-        self._rig, self._agent, self._clock, self._network = config.rig, agent, clock, network
-        self._cameras, self._pilot, self._tasks, self._emit = cameras, pilot, tasks, emit
-        self._note, self._offer, self._translation = note, offer, translation
-        self.seen, self._instance = SeenObjects(instance), instance
+    def __init__(self, ports: Ports, parts: PartRegistry) -> None:
+        self._rig, self._agent, self._clock, self._network = ports.config.rig, ports.agent, ports.clock, ports.network
+        self._cameras, self._pilot, self._tasks = parts[Cameras], parts[Pilot.of], parts[TaskLife]
+        self._emit = ports.emit
+        self._note, self._offer, self._translation = ports.note, ports.offer, ports.translation
+        self.seen, self._instance = SeenObjects(ports.instance()), ports.instance()
         self._searched: tuple[float, float, RoadNetwork | None] | None = None
         self.gaze: Gaze | None = None
-        self._label = translation.local_label(ATTENTION, config.unit)
-        self._to_local = translation.to_local(ATTENTION)
-        network.add_source(self._label, translation.local_sort(ATTENTION))
+        self._label = ports.translation.local_label(ATTENTION, ports.config.unit)
+        self._to_local = ports.translation.to_local(ATTENTION)
+        ports.network.add_source(self._label, ports.translation.local_sort(ATTENTION))
         self._attention: Attention | None = None
         self._followed: dict[str, str] = {}
         self._stared: dict[str, Gaze] = {}

@@ -5,7 +5,7 @@ nothing is sent until it is over. A mission is never interrupted. What the rules
 as floor, ceiling, range and fence allow. While the object is not seen it is followed where it is expected.
 """
 
-from collections.abc import Callable, Iterable
+from collections.abc import Iterable
 from dataclasses import dataclass, field
 from difflib import get_close_matches
 from math import hypot
@@ -13,19 +13,16 @@ from math import hypot
 from agents.actions import Offer
 from agents.attention.camera_attention import CameraAttention
 from agents.attention.standoff import CREDIBLE_US, Leaps, Whereabouts, expected, goal
-from agents.config import PlatformConfig
 from agents.flight.errand import Errand
 from agents.flight.flight import FLIGHT, FlightAgent
 from agents.flight.pilot import Pilot
-from agents.interface import InterfaceAgent
 from agents.part import Part
+from agents.ports import PartRegistry, Ports
 from agents.tasks.life import TaskLife
 from agents.tasks.requests import FOLLOW
 from agents.tasks.task import Task
 from anchoring.attention.watched import WatchedObject
 from dyknow.model.errors import Refused, did_you_mean
-from federation.members.clock import FederationClock
-from federation.members.directory import DirectoryFacilitator
 from federation.messages.acts import Act, Performative
 from federation.messages.contents import Done, Follow, Progress
 from federation.messages.descriptions import ConditionEntry
@@ -81,23 +78,12 @@ class Following(Part):
 
     offers = (Offer(FLIGHT, (FOLLOW,)),)
 
-    def __init__(
-        self,
-        config: PlatformConfig,
-        agent: InterfaceAgent,
-        clock: FederationClock,
-        directory: DirectoryFacilitator,
-        attention: CameraAttention,
-        flight: FlightAgent,
-        pilot: Pilot,
-        tasks: TaskLife,
-        emit: Callable[[Command], None],
-        note: Callable[[str], None],
-        offer: Callable[[int], None],
-    ) -> None:
-        self._frame, self._agent, self._clock, self._directory = config.rig.frame, agent, clock, directory
-        self._attention, self._flight, self._pilot, self._tasks = attention, flight, pilot, tasks
-        self._emit, self._note, self._offer = emit, note, offer
+    def __init__(self, ports: Ports, parts: PartRegistry) -> None:
+        self._frame, self._agent, self._clock = ports.config.rig.frame, ports.agent, ports.clock
+        self._directory = ports.directory
+        self._attention, self._flight, self._pilot = parts[CameraAttention], parts[FlightAgent], parts[Pilot.of]
+        self._tasks = parts[TaskLife]
+        self._emit, self._note, self._offer = ports.emit, ports.note, ports.offer
         self._task: _Task | None = None
         self._due_us = 0
         self._shown: ConditionEntry | None = None

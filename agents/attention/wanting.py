@@ -11,8 +11,8 @@ from typing import Final, NamedTuple, Protocol
 
 from agents.actions import Offer, Role
 from agents.exchange.label_agreements import LabelAgreements
-from agents.interface import InterfaceAgent
 from agents.part import Part
+from agents.ports import PartRegistry, Ports
 from agents.specification.specification_part import SPECIFICATION
 from agents.tasks.life import TaskLife
 from agents.tasks.requests import WANT
@@ -21,11 +21,10 @@ from anchoring.links.objects import LinkEvent
 from dyknow import Label
 from dyknow.model.errors import Refused, SortError, TextError, did_you_mean
 from dyknow.model.members import member_name
-from federation.members.directory import DirectoryFacilitator
 from federation.messages.acts import Act, Performative
 from federation.messages.contents import Progress, WantObject
 from federation.messages.descriptions import in_one_line
-from kpl import Instance, parse_formula
+from kpl import parse_formula
 from kpl.introspection.link_reasons import because
 from kpl.linking.streams import LinkStream
 from kpl.linking.wants import check_want
@@ -79,18 +78,10 @@ class Wanting(Part):
 
     offers = (Offer(SPECIFICATION, (WANT,)),)
 
-    def __init__(
-        self,
-        agent: InterfaceAgent,
-        directory: DirectoryFacilitator,
-        agreements: LabelAgreements,
-        tasks: TaskLife,
-        instance: Instance,
-        role_of: Callable[[str], Role],
-    ) -> None:
-        self._agent, self._directory, self._agreements = agent, directory, agreements
-        self._tasks, self._instance = tasks, instance
-        self._role_of = role_of
+    def __init__(self, ports: Ports, parts: PartRegistry) -> None:
+        self._agent, self._directory, self._agreements = ports.agent, ports.directory, parts[LabelAgreements]
+        self._tasks, self._instance = parts[TaskLife], ports.instance()
+        self._role_of = ports.role_of
         self._searches: dict[str, _Search] = {}
         self.recoveries: AnchorRecoveries | None = None
 

@@ -10,8 +10,8 @@ from typing import Final, NamedTuple
 from agents.actions import FEDERATION, Action, Offer
 from agents.exchange.federation_agent import FederationAgent
 from agents.exchange.label_agreements import LabelAgreements
-from agents.interface import InterfaceAgent
 from agents.part import Part, PeerChange
+from agents.ports import PartRegistry, Ports
 from agents.shedding import Shedding
 from agents.tasks.life import TaskLife
 from dyknow.model.errors import DyknowError, Refused
@@ -72,16 +72,10 @@ class Bids(Part):
     )
     answers = (StreamProposal,)
 
-    def __init__(
-        self,
-        agent: InterfaceAgent,
-        federation: FederationAgent,
-        agreements: LabelAgreements,
-        shedding: Shedding,
-        tasks: TaskLife,
-    ) -> None:
-        self._tasks = tasks
-        self._agent, self._federation, self._agreements, self._shedding = agent, federation, agreements, shedding
+    def __init__(self, ports: Ports, parts: PartRegistry) -> None:
+        self._tasks = parts[TaskLife]
+        self._agent, self._federation, self._agreements = ports.agent, parts[FederationAgent], parts[LabelAgreements]
+        self._shedding = parts[Shedding]
         self._standing: dict[_Named, _Standing] = {}
         self._due: Deadlines[_Named] = Deadlines()
         self._calls: dict[tuple[str, str], None] = {}

@@ -9,21 +9,18 @@ from functools import partial
 from typing import Final
 
 from agents.admission.trusted import PlatformTrust
-from agents.effects import Effect, Tell
+from agents.effects import Tell
 from agents.exchange.imported import Imported, converting
 from agents.exchange.local_instance import LocalInstance
-from agents.interface import InterfaceAgent
 from agents.part import Part
-from dyknow import Label, Network, Policy, Sample
+from agents.ports import PartRegistry, Ports
+from dyknow import Label, Policy, Sample
 from dyknow.network.generator import Subscription
 from dyknow.network.process import Input
 from federation.calls.call import StreamCall
 from federation.calls.kept_record import KeptRecord, Unkept
 from federation.calls.proposals import CallNews, WantedStream
-from federation.members.clock import FederationClock
-from federation.members.directory import DirectoryFacilitator
 from federation.messages.descriptions import ConditionEntry
-from federation.sharing.translation import Translation
 
 PERIOD_US: Final = 100_000
 MAX_DELAY_US: Final = 1_000_000
@@ -72,25 +69,13 @@ class Calls(Part):
         offer: tells the directory that conditions have changed, at a time.
     """
 
-    def __init__(
-        self,
-        unit: str,
-        agent: InterfaceAgent,
-        directory: DirectoryFacilitator,
-        network: Network,
-        translation: Translation,
-        clock: FederationClock,
-        local: LocalInstance,
-        platform_trust: PlatformTrust,
-        now_us: Callable[[], int],
-        offer: Callable[[int], None],
-        note: Callable[[str], None],
-        emit: Callable[[Effect], None],
-    ) -> None:
-        self._unit, self._agent, self._directory, self._network = unit, agent, directory, network
-        self._translation, self._clock, self._local, self._now_us = translation, clock, local, now_us
-        self._trust = platform_trust
-        self._offer, self._note, self._emit = offer, note, emit
+    def __init__(self, ports: Ports, parts: PartRegistry) -> None:
+        self._unit, self._agent, self._directory = ports.unit, ports.agent, ports.directory
+        self._network = ports.network
+        self._translation, self._clock, self._local = ports.translation, ports.clock, parts[LocalInstance]
+        self._now_us = ports.now_us
+        self._trust = parts[PlatformTrust]
+        self._offer, self._note, self._emit = ports.offer, ports.note, ports.emit
         self._streams: list[CalledStream] = []
         self._record, self._unkept = KeptRecord(), tuple[Unkept, ...]()
 

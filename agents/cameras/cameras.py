@@ -1,20 +1,18 @@
 """The cameras of the platform's vehicle as a part: their state and the percepts are streams that the platform offers."""
 
 from collections import Counter
-from collections.abc import Callable, Iterable, Mapping
+from collections.abc import Iterable, Mapping
 from math import degrees, sqrt
 
 from agents.cameras.perception import Perception
-from agents.config import PlatformConfig
 from agents.effects import Reported
 from agents.exchange.export_proxy import ExportProxy
 from agents.flight.vehicle_streams import VehicleStreams
 from agents.part import NOT_MINE, Followed, Part
+from agents.ports import PartRegistry, Ports
 from anchoring.links.structures import Percept
-from dyknow import NO_VALUE, Label, Network, Policy, Sample, Value
-from federation.members.clock import FederationClock
+from dyknow import NO_VALUE, Label, Policy, Sample, Value
 from federation.messages.descriptions import ConditionEntry, LabelEntry
-from federation.sharing.translation import Translation
 from navigation.cameras.channels import PERSON
 from navigation.cameras.state import CameraState
 from navigation.geodesy import LocalFrame
@@ -45,26 +43,17 @@ class Cameras(Part):
 
     takes = {Reported: "on_reported"}  # noqa: RUF012  (a declaration)
 
-    def __init__(
-        self,
-        config: PlatformConfig,
-        clock: FederationClock,
-        network: Network,
-        translation: Translation,
-        streams: VehicleStreams,
-        exporter: ExportProxy,
-        note: Callable[[str], None],
-        offer: Callable[[int], None],
-    ) -> None:
-        self._frame, self._clock, self._network, self._translation = config.rig.frame, clock, network, translation
-        self._exporter, self._note, self._offer = exporter, note, offer
-        self.perception = Perception(config.rig, f"vp{config.unit}_")
+    def __init__(self, ports: Ports, parts: PartRegistry) -> None:
+        self._frame, self._clock, self._network = ports.config.rig.frame, ports.clock, ports.network
+        self._translation = ports.translation
+        self._exporter, self._note, self._offer = parts[ExportProxy.of], ports.note, ports.offer
+        self.perception = Perception(ports.config.rig, f"vp{ports.config.unit}_")
         names = (PERCEPTS, STATE, VIEW, PERSONS)
         self._percepts, self._state, self._view, self._persons = (
-            translation.local_label(name, config.unit) for name in names
+            ports.translation.local_label(name, ports.config.unit) for name in names
         )
         self._scored: dict[str, tuple[Value, ...]] = {}
-        self._to_local = {name: translation.to_local(name) for name in names}
+        self._to_local = {name: ports.translation.to_local(name) for name in names}
         self._places: dict[str, tuple[Value, ...]] = {}
         self._images = 0
         self._images_us: int | None = None
@@ -75,8 +64,10 @@ class Cameras(Part):
         self._counted_us: int | None = None
         self._has_scored = False
         for name in names:
-            network.add_source(translation.local_label(name, config.unit), translation.local_sort(name))
-        network.subscribe(streams.estimate, Policy(), self._on_estimate)
+            ports.network.add_source(
+                ports.translation.local_label(name, ports.config.unit), ports.translation.local_sort(name)
+            )
+        ports.network.subscribe(parts[VehicleStreams.of].estimate, Policy(), self._on_estimate)
 
     def labels(self) -> Iterable[LabelEntry]:
         ontology = self._translation.ontology

@@ -8,7 +8,6 @@ as `global-objects`. There is no leader: each platform comes to the same names b
 from collections.abc import Callable, Iterable
 
 from agents.actions import FEDERATION, QUERIED, Action, Offer, Role
-from agents.config import PlatformConfig
 from agents.cooperation.track_records import (
     IDENTITIES,
     PICTURE,
@@ -24,21 +23,18 @@ from agents.exchange.label_agreements import LabelAgreements
 from agents.exchange.local_instance import LocalInstance
 from agents.exchange.partners import Partners
 from agents.exchange.subscription_keeper import SubscriptionKeeper
-from agents.interface import InterfaceAgent
 from agents.part import Part, PeerChange
+from agents.ports import PartRegistry, Ports
 from anchoring.cooperation.picture import HOLD_US, GlobalPicture
 from anchoring.cooperation.reports import IdentityClaim
 from anchoring.cooperation.rows import PictureEvent
-from dyknow import Label, Network, Policy, Sample
+from dyknow import Label, Policy, Sample
 from dyknow.network.generator import Subscription
-from federation.members.clock import FederationClock, Offset
-from federation.members.directory import DirectoryFacilitator
 from federation.members.liveness import PlatformAppeared, PlatformGone
 from federation.members.offers import LabelAppeared, LabelGone
 from federation.messages.acts import Act, Performative
 from federation.messages.contents import ObjectPicture, PictureEntry
 from federation.messages.descriptions import LabelEntry
-from federation.sharing.translation import Translation
 
 CLAIMS_US = 1_000_000
 """So often a claim is repeated that has not changed."""
@@ -59,46 +55,29 @@ class Cooperation(Part):
     heeds_samples = True
     offers = (Offer(FEDERATION, (Action(ObjectPicture, "on_object_picture", QUERIED, Role.OBSERVER),)),)
 
-    def __init__(
-        self,
-        config: PlatformConfig,
-        agent: InterfaceAgent,
-        clock: FederationClock,
-        network: Network,
-        translation: Translation,
-        directory: DirectoryFacilitator,
-        agreements: LabelAgreements,
-        local: LocalInstance,
-        keeper: SubscriptionKeeper,
-        offset_of: Callable[[str], Offset | None],
-        now_us: Callable[[], int],
-        note: Callable[[str], None],
-        offer: Callable[[int], None],
-    ) -> None:
-        self._unit, self._boot, self._agent, self._clock, self._network = (
-            config.unit,
-            config.boot,
-            agent,
-            clock,
-            network,
-        )
-        self._translation, self._directory, self._agreements = translation, directory, agreements
-        self._offset_of, self._now_us, self._note, self._offer = offset_of, now_us, note, offer
-        self._trusted = config.trusted
+    def __init__(self, ports: Ports, parts: PartRegistry) -> None:
+        self._unit, self._boot, self._agent = ports.config.unit, ports.config.boot, ports.agent
+        self._clock, self._network = ports.clock, ports.network
+        self._translation, self._directory = ports.translation, ports.directory
+        self._agreements = parts[LabelAgreements]
+        self._offset_of, self._now_us, self._note, self._offer = ports.offset_of, ports.now_us, ports.note, ports.offer
+        self._trusted = ports.config.trusted
         self.takers: dict[str, Callable[[str, Sample], None]] = {TRACKS: self._on_track, IDENTITIES: self._on_identity}
-        self.partners = Partners(network, local, keeper, self._on_sample)
-        self._sort = translation.ontology[TRACKS].sort
-        self._labels = {name: translation.local_label(name, config.unit) for name in (TRACKS, IDENTITIES, PICTURE)}
+        self.partners = Partners(ports.network, parts[LocalInstance], parts[SubscriptionKeeper], self._on_sample)
+        self._sort = ports.translation.ontology[TRACKS].sort
+        self._labels = {
+            name: ports.translation.local_label(name, ports.config.unit) for name in (TRACKS, IDENTITIES, PICTURE)
+        }
         self.tracks = self._labels[TRACKS]
         for name in (IDENTITIES, PICTURE):
-            network.add_source(self._labels[name], translation.local_sort(name))
+            ports.network.add_source(self._labels[name], ports.translation.local_sort(name))
         self.picture: GlobalPicture | None = None
         self._taken: Subscription | None = None
         self._boots: dict[str, int] = {}
         self._claimed: dict[str, tuple[IdentityClaim, int]] = {}
         self._shown = set[str]()
         self._is_due = False
-        network.meet(self._on_label)
+        ports.network.meet(self._on_label)
 
     def labels(self) -> Iterable[LabelEntry]:
         if self.picture is None:

@@ -7,13 +7,12 @@ each platform, within what `(share kbit_s: 50)` declares for all, those first in
 """
 
 from collections import deque
-from collections.abc import Callable, Iterable, Mapping
+from collections.abc import Iterable, Mapping
 from importlib.resources import files
 from math import tan
 from typing import Final
 
 from agents.actions import FEDERATION, Offer
-from agents.config import PlatformConfig
 from agents.cooperation.cooperation import Cooperation
 from agents.cooperation.remote_percepts import RemotePercepts
 from agents.cooperation.track_records import (
@@ -30,8 +29,8 @@ from agents.cooperation.track_records import (
     relation_value,
 )
 from agents.exchange.export_proxy import ExportProxy
-from agents.interface import InterfaceAgent
 from agents.part import Part, PeerChange
+from agents.ports import PartRegistry, Ports
 from agents.tasks.requests import SHARE
 from anchoring.cooperation.attributes import AttributeChanges, ObjectAttribute
 from anchoring.cooperation.manoeuvres import (
@@ -45,16 +44,14 @@ from anchoring.cooperation.manoeuvres import (
 from anchoring.cooperation.picture import HOLD_US, PERIOD_US
 from anchoring.cooperation.rows import PictureEvent, PictureRow
 from anchoring.cooperation.sharing import TRACKS_US, Partner, SharingLevel, chosen_level, kbit_s, wanted_of
-from dyknow import NO_VALUE, US_PER_MS, US_PER_S, Network, Sample
+from dyknow import NO_VALUE, US_PER_MS, US_PER_S, Sample
 from dyknow.model.errors import Refused
-from federation.members.clock import FederationClock
-from federation.members.directory import DirectoryEntry, DirectoryFacilitator
+from federation.members.directory import DirectoryEntry
 from federation.members.offers import LabelAppeared, LabelGone
 from federation.messages.acts import Act
 from federation.messages.contents import Share
 from federation.messages.descriptions import LabelEntry
-from federation.sharing.translation import Translation
-from kpl import Instance, parse_chronicles
+from kpl import parse_chronicles
 from reasoning.chronicles import ChronicleFile, ChronicleInstance
 
 PERCEPTS: Final = "vision-percepts"
@@ -90,28 +87,17 @@ class Handover(Part):
 
     offers = (Offer(FEDERATION, (SHARE,)),)
 
-    def __init__(
-        self,
-        config: PlatformConfig,
-        agent: InterfaceAgent,
-        clock: FederationClock,
-        network: Network,
-        translation: Translation,
-        directory: DirectoryFacilitator,
-        exporter: ExportProxy,
-        cooperation: Cooperation,
-        instance: Instance,
-        now_us: Callable[[], int],
-        note: Callable[[str], None],
-    ) -> None:
-        self._now_us = now_us
-        self._unit, self._agent, self._clock, self._network = config.unit, agent, clock, network
-        self._translation, self._directory, self._exporter = translation, directory, exporter
-        self._cooperation, self._note = cooperation, note
-        self._frame = None if config.cameras is None else config.cameras.frame
-        self._labels = {name: translation.local_label(name, config.unit) for name in (RELATIONS, EVENTS, ATTRIBUTES)}
+    def __init__(self, ports: Ports, parts: PartRegistry) -> None:
+        self._now_us = ports.now_us
+        self._unit, self._agent, self._clock, self._network = ports.config.unit, ports.agent, ports.clock, ports.network
+        self._translation, self._directory, self._exporter = ports.translation, ports.directory, parts[ExportProxy.of]
+        self._cooperation, self._note = parts[Cooperation], ports.note
+        self._frame = None if ports.config.cameras is None else ports.config.cameras.frame
+        self._labels = {
+            name: ports.translation.local_label(name, ports.config.unit) for name in (RELATIONS, EVENTS, ATTRIBUTES)
+        }
         for name in self._labels:
-            network.add_source(self._labels[name], translation.local_sort(name))
+            ports.network.add_source(self._labels[name], ports.translation.local_sort(name))
         self.levels: dict[str, SharingLevel] = {}
         self.recognised: deque[PictureEvent] = deque(maxlen=MOST_RECOGNISED)
         self._fixed: dict[str | None, SharingLevel] = {}
@@ -121,12 +107,12 @@ class Handover(Part):
         self._relations, self._events = PairRelations(), PairEvents()
         text = files("agents.cooperation").joinpath("spanning.chr").read_text(encoding="utf-8")
         self._overtakes = parse_chronicles(text)
-        self._instance = instance
+        self._instance = ports.instance()
         self._spans: dict[ChronicleFile, SpanningManoeuvres] = {}
         self._changes: dict[ChronicleFile, AttributeChanges] = {}
         self._due_us = self._decide_us = 0
         self._lost, self._lost_due = 0, 1
-        cooperation.takers |= {
+        parts[Cooperation].takers |= {
             RELATIONS: self._on_relation, EVENTS: self._on_event, ATTRIBUTES: self._on_attribute, CAMERA: self._on_camera, PERCEPTS: self._on_percept
         }  # fmt: skip
 

@@ -3,17 +3,16 @@
 Times are the node clock.
 """
 
-from collections.abc import Callable, Mapping, Sequence
+from collections.abc import Mapping, Sequence
 from datetime import UTC, datetime
 from typing import Final
 
 from agents.actions import FEDERATION, QUERIED, SUBSCRIBED, Action, Offer, Role
 from agents.admission.message_log import ACCOUNT
-from agents.containment import Containment
 from agents.directory.peer_conditions import PeerConditions
-from agents.effects import Effect, Halt, Impaired, LeaveRequested
-from agents.interface import InterfaceAgent
+from agents.effects import Halt, Impaired, LeaveRequested
 from agents.part import ClockCompared, Followed, Part, PeerChange, Within
+from agents.ports import PartRegistry, Ports
 from agents.subscribers import Subscribers
 from agents.tasks.authority import Authority
 from agents.tasks.life import TaskLife
@@ -23,13 +22,11 @@ from dyknow.model.errors import DecodeError
 from dyknow.model.instants import US_PER_S
 from federation import keys
 from federation.members import liveness
-from federation.members.member import Member
 from federation.members.offers import LabelAppeared, LabelGone, Service, ServiceAppeared, ServiceGone, Visibility
 from federation.members.replicas import PlatformRefused
 from federation.messages.acts import Act, AgentName, Performative
 from federation.messages.contents import MAX_LIST, Content, Directory, DirectoryEvent, Found, Leave, Rejoin, Search
-from federation.messages.descriptions import ConditionEntry, LabelEntry
-from federation.sharing.ontology import Ontology
+from federation.messages.descriptions import ConditionEntry
 from federation.transport import (
     Answered,
     Arrived,
@@ -100,37 +97,24 @@ class DirectoryAgent(Part):
         CertificateEnds: "on_certificate_ends",
     }
 
-    def __init__(
-        self,
-        member: Member,
-        agent: InterfaceAgent,
-        tasks: TaskLife,
-        authority: Authority,
-        offered: Callable[[], Sequence[Service]],
-        labels: Callable[[], Sequence[LabelEntry]],
-        conditions: Callable[[], Sequence[ConditionEntry]],
-        ontology: Ontology,
-        fed: tuple[Part, ...],
-        emit: Callable[[Effect], None],
-        note: Callable[[str], None],
-        contain: Containment,
-    ) -> None:
-        self._contain, self._tasks, self._authority = contain, tasks, authority
-        self.facilitator, self._agent, self._offered, self._labels = member.directory, agent, offered, labels
-        self._conditions, self._ontology = conditions, ontology
-        self._member, self._emit, self._note = member, emit, note
+    def __init__(self, ports: Ports, parts: PartRegistry) -> None:
+        self._contain, self._tasks, self._authority = ports.contain, parts[TaskLife], parts[Authority]
+        self.facilitator, self._agent, self._offered = ports.member.directory, ports.agent, ports.offered
+        self._labels = ports.labels
+        self._conditions, self._ontology = ports.conditions, ports.ontology
+        self._member, self._emit, self._note = ports.member, ports.emit, ports.note
         self._noted: set[str] = set()
         self._impaired: dict[str, int] = {}
         self._kept_roster: ConditionEntry | None = None
-        self._peer_conditions = PeerConditions(member)
-        self._subscribers = Subscribers(agent, tasks)
+        self._peer_conditions = PeerConditions(ports.member)
+        self._subscribers = Subscribers(ports.agent, parts[TaskLife])
         self._members: tuple[str, ...] | None = None
         self._missing: dict[str, int] = {}
         self._to_ask = ASKED
         self._own: Followed = (self,)
-        self._clocks: Followed = (Within(self, member.offsets),)
-        self._imports: Followed = (Within(self, member.imports),)
-        self._fed: Followed = (Within(self, member.imports), *fed)
+        self._clocks: Followed = (Within(self, ports.member.offsets),)
+        self._imports: Followed = (Within(self, ports.member.imports),)
+        self._fed: Followed = (Within(self, ports.member.imports),)
 
     # -- our own entry -----------------------------------------------------------------------------------------
 

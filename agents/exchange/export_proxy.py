@@ -3,6 +3,7 @@
 from collections import Counter
 from collections.abc import Callable, Iterable
 
+from agents.ports import PartRegistry, Ports
 from dyknow import Label, Network, Policy, Sample
 from dyknow.model.errors import UnknownLabel
 from dyknow.model.values import without_nan
@@ -39,6 +40,11 @@ class ExportProxy:
         self._importance: dict[str, float] = {}
         self.shed = 1
         self.omitted = Counter[str]()
+
+    @classmethod
+    def of(cls, ports: Ports, _parts: PartRegistry) -> "ExportProxy":
+        """That of a platform."""
+        return cls(ports.exports, ports.network, ports.translation, ports.emit)
 
     def start_exporting(
         self, local: Label, semantic_label: str, receivers: Iterable[str], policy: Policy, contract: str

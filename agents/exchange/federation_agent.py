@@ -3,24 +3,21 @@
 Queries are answered by `agents.exchange.stream_queries`. Times are the node clock, but for valid and available times.
 """
 
-from collections.abc import Callable, Iterable
+from collections.abc import Iterable
 from dataclasses import asdict
 
 from agents.actions import FEDERATION, INFORMED, QUERIED, Action, Offer, Role
 from agents.admission.limits import STREAMS_PER_PEER
-from agents.effects import Effect
 from agents.exchange.gateway import Gateway, stream_policy
 from agents.exchange.label_agreements import LabelAgreements
-from agents.interface import InterfaceAgent
 from agents.part import Followed, Part, PeerChange
+from agents.ports import PartRegistry, Ports
 from agents.tasks.life import TaskLife
 from agents.tasks.requests import CREATE_MULTICAST, STOP_MULTICAST
 from agents.tasks.task import Task
 from dyknow import US_PER_S, Policy
 from dyknow.model.errors import DyknowError, Refused
 from federation import keys
-from federation.members.clock import FederationClock
-from federation.members.directory import DirectoryFacilitator
 from federation.members.imports import ImportRecord
 from federation.members.liveness import Departure, PlatformAppeared, PlatformGone, PlatformReturned
 from federation.members.offers import DefinitionsChanged, LabelAppeared, LabelGone
@@ -49,21 +46,12 @@ class FederationAgent(Part):
     )
     takes = {keys.HistoryKey: "on_asked"}  # noqa: RUF012  (a declaration)
 
-    def __init__(
-        self,
-        unit: str,
-        agent: InterfaceAgent,
-        clock: FederationClock,
-        directory: DirectoryFacilitator,
-        gateway: Gateway,
-        tasks: TaskLife,
-        agreements: LabelAgreements,
-        emit: Callable[[Effect], None],
-    ) -> None:
-        self._clock = clock
-        self._unit, self._agent, self._directory, self._agreements = unit, agent, directory, agreements
-        self._gateway, self._tasks, self._emit = gateway, tasks, emit
-        self._exporter, self._exports = gateway.exporter, gateway.exporter.exports
+    def __init__(self, ports: Ports, parts: PartRegistry) -> None:
+        self._clock = ports.clock
+        self._unit, self._agent, self._directory = ports.unit, ports.agent, ports.directory
+        self._agreements = parts[LabelAgreements]
+        self._gateway, self._tasks, self._emit = parts[Gateway.of], parts[TaskLife], ports.emit
+        self._exporter, self._exports = parts[Gateway.of].exporter, parts[Gateway.of].exporter.exports
 
     # -- exports -----------------------------------------------------------------------------------------------
 

@@ -8,6 +8,7 @@ from difflib import SequenceMatcher
 
 from agents.exchange.export_proxy import ExportProxy
 from agents.exchange.import_proxy import ImportProxy
+from agents.ports import PartRegistry, Ports
 from dyknow import US_PER_S, Label, Network, Policy, Sample, Sort, print_span
 from dyknow.model.errors import Refused, UnknownLabel, ValueNotAvailable
 from federation.sharing.ontology import Ontology
@@ -54,6 +55,12 @@ class Gateway:
     ) -> None:
         self.unit, self.network, self.ontology, self.translation = unit, network, ontology, translation
         self.exporter, self.importer = exporter, importer
+
+    @classmethod
+    def of(cls, ports: Ports, parts: PartRegistry) -> "Gateway":
+        """That of a platform."""
+        exporter, importer = parts[ExportProxy.of], parts[ImportProxy]
+        return cls(ports.unit, ports.network, ports.ontology, ports.translation, exporter, importer)
 
     def local(self, semantic_label: str | Label, unit: str | None = None) -> Label:
         """What this instance calls the label of a unit (its own by default); a stream's own label is what it is.

@@ -7,19 +7,19 @@ from functools import partial
 from typing import Final, TypeAlias
 
 from agents.admission.trusted import PlatformTrust
+from agents.exchange.label_agreements import LabelAgreements
 from agents.exchange.peer_motion import JUDGED, PeerMotion
 from agents.part import Part, PeerChange
-from dyknow import Generator, Label, Network, Policy, PolicyAdapter, Quality, Sample, Sort, Value
+from agents.ports import PartRegistry, Ports
+from dyknow import Generator, Policy, PolicyAdapter, Quality, Sample, Sort, Value
 from dyknow.model.errors import SortError
-from federation.members.clock import FederationClock, Offset, Standing
-from federation.members.imports import ImportName, Imports
+from federation.members.clock import Offset, Standing
+from federation.members.imports import ImportName
 from federation.members.offers import DefinitionsChanged
 from federation.messages.codec import StreamSample
 from federation.messages.descriptions import ConditionEntry
-from federation.sharing.ontology import Ontology
 from federation.sharing.ranges import InRange, in_range
-from federation.sharing.translation import Convert, LabelConversion, Translation
-from federation.transport import WireEffect
+from federation.sharing.translation import LabelConversion
 
 MAX_STREAMS, STREAMS_OF_ONE = 4096, 64
 """Streams that are imported, in all and of one owner."""
@@ -70,33 +70,21 @@ class ImportProxy(Part):
         on_every: called with (unit, semantic label, period, every): only each `every`-th sample comes from now on.
     """
 
-    def __init__(
-        self,
-        network: Network,
-        ontology: Ontology,
-        translation: Translation,
-        clock: FederationClock,
-        offset_of: Callable[[str], Offset | None],
-        imports: Imports,
-        emit: Callable[[WireEffect], None],
-        source: Callable[[str, str], tuple[Label, Convert]],
-        disagreement: Callable[[str, str], str],
-        platform_trust: PlatformTrust,
-        motion: PeerMotion,
-        note: Callable[[str], None],
-    ) -> None:
-        self._network, self._ontology, self._translation = network, ontology, translation
-        self._clock, self._offset_of, self._emit, self._declare = clock, offset_of, emit, source
-        self.imports, self._disagreement, self._trust = imports, disagreement, platform_trust
-        self._motion = motion
+    def __init__(self, ports: Ports, parts: PartRegistry) -> None:
+        self._network, self._ontology, self._translation = ports.network, ports.ontology, ports.translation
+        self._clock, self._offset_of, self._emit = ports.clock, ports.offset_of, ports.emit
+        self._declare = ports.source()
+        self.imports, self._disagreement = ports.imports, parts[LabelAgreements].disagreement
+        self._trust = parts[PlatformTrust]
+        self._motion = parts[PeerMotion]
         self._sinks: dict[tuple[str, str], Sink] = {}
-        self._note = note
+        self._note = ports.note
         self._crowded: dict[str, int] = {}
         self.has_news = False
         self.refused: Counter[str] = Counter()
         self.policies: dict[ImportName, Policy] = {}
         self.on_every: Callable[[str, str, int, int], None] = lambda _unit, _label, _period_us, _every: None
-        imports.on_every = self._thinned
+        ports.imports.on_every = self._thinned
 
     def expect(self, owner: str, semantic_label: str, policy_hash: str, policy: Policy, now_us: int) -> None:
         """`owner` announced a stream for us: listen to it. Saying it twice is saying it once."""

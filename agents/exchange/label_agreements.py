@@ -10,16 +10,16 @@ from typing import NamedTuple
 from agents.actions import Role
 from agents.admission.admission import Denied
 from agents.part import Part, PeerChange
+from agents.ports import PartRegistry, Ports
 from dyknow import Policy
 from dyknow.model.instants import US_PER_S
 from dyknow.model.labels import Label
 from dyknow.model.semantic_labels import SemanticLabel
-from federation.members.directory import DirectoryEntry, DirectoryFacilitator
+from federation.members.directory import DirectoryEntry
 from federation.members.liveness import PlatformGone
 from federation.members.offers import DefinitionsChanged, LabelAppeared
 from federation.messages.descriptions import ConditionEntry
 from federation.sharing.agreement import disagreement
-from federation.sharing.ontology import Ontology
 
 COMMAND_CENTRE = "cc"
 """How command centres are called, with a number after it."""
@@ -76,16 +76,10 @@ class LabelAgreements(Part):
         sources: the streams that a stream about objects is made of: what hides them hides it.
     """
 
-    def __init__(
-        self,
-        ontology: Ontology,
-        directory: DirectoryFacilitator,
-        offer: Callable[[int], None],
-        role_of: Callable[[str], Role],
-        note: Callable[[str], None],
-    ) -> None:
-        self._role_of, self._restricted = role_of, dict[str, Restriction]()
-        self._ontology, self._directory, self._offer, self._note = ontology, directory, offer, note
+    def __init__(self, ports: Ports, _parts: PartRegistry) -> None:
+        self._role_of, self._restricted = ports.role_of, dict[str, Restriction]()
+        self._ontology, self._directory, self._offer = ports.ontology, ports.directory, ports.offer
+        self._note = ports.note
         self._conflicts: dict[tuple[str, str], ConditionEntry] = {}
         self._noted = set[str]()
         self.sources: Callable[[Label], Sequence[Label]] = lambda _label: ()

@@ -5,10 +5,10 @@ from typing import NamedTuple
 
 from agents.effects import Compute, Computed, Effect
 from agents.part import Part
-from dyknow import Label, Network
+from agents.ports import PartRegistry, Ports
+from dyknow import Label
 from dyknow.network.process import Work
-from federation.members.clock import FederationClock
-from federation.sharing.translation import LabelConversion, Translation
+from federation.sharing.translation import LabelConversion
 
 IMPORTED_HISTORY = 600
 """How many samples of an imported stream are kept."""
@@ -31,19 +31,11 @@ class LocalInstance(Part):
     vital = heeds_samples = True
     takes = {Computed: "on_computed"}  # noqa: RUF012  (a declaration)
 
-    def __init__(
-        self,
-        unit: str,
-        network: Network,
-        clock: FederationClock,
-        translation: Translation,
-        stopwatch: Callable[[], int] | None,
-        emit: Callable[[Effect], None],
-    ) -> None:
-        self._unit, self.network, self._clock = unit, network, clock
-        self._translation = translation
-        if stopwatch is not None:
-            network.calls.workers = UnitWorkers(stopwatch, emit)
+    def __init__(self, ports: Ports, _parts: PartRegistry) -> None:
+        self._unit, self.network, self._clock = ports.unit, ports.network, ports.clock
+        self._translation = ports.translation
+        if ports.stopwatch is not None:
+            ports.network.calls.workers = UnitWorkers(ports.stopwatch, ports.emit)
 
     def source(self, semantic_label: str, unit: str) -> tuple[Label, LabelConversion]:
         """The local label of a unit's stream, its source declared if it is not there and comes from elsewhere.

@@ -4,15 +4,15 @@ It is shown, and nothing else follows: what is stated is traffic, whether it can
 Times are federation time, those of what is shown the node clock.
 """
 
-from collections.abc import Callable, Iterable, Iterator
+from collections.abc import Iterable, Iterator
 from dataclasses import dataclass, field
 from itertools import chain
 from typing import Final
 
 from agents.part import Followed, Part, PeerChange
-from dyknow import NO_VALUE, Label, Network, Quality, Value
+from agents.ports import PartRegistry, Ports
+from dyknow import NO_VALUE, Label, Quality, Value
 from dyknow.model.instants import US_PER_S, print_span
-from federation.members.clock import FederationClock
 from federation.members.liveness import PlatformGone
 from federation.messages.descriptions import ConditionEntry
 from navigation.stated_motion import DEGREE_M, StatedMotion, StatedPlace, Unflown, moved_m
@@ -66,19 +66,11 @@ class PeerMotion(Part):
 
     heeds_samples = True
 
-    def __init__(
-        self,
-        unit: str,
-        network: Network,
-        clock: FederationClock,
-        now_us: Callable[[], int],
-        offer: Callable[[int], None],
-        note: Callable[[str], None],
-    ) -> None:
-        self._unit, self._network, self._now_us = unit, network, now_us
-        self._offer, self._note = offer, note
-        self._own = Label.parse(f"estimate[{unit}]")
-        self._ahead_us = round(AHEAD_S * US_PER_S * max(1.0, clock.speed))
+    def __init__(self, ports: Ports, _parts: PartRegistry) -> None:
+        self._unit, self._network, self._now_us = ports.unit, ports.network, ports.now_us
+        self._offer, self._note = ports.offer, ports.note
+        self._own = Label.parse(f"estimate[{ports.unit}]")
+        self._ahead_us = round(AHEAD_S * US_PER_S * max(1.0, ports.clock.speed))
         self._peers: dict[str, _Peer] = {}
         self._seen: dict[tuple[str, str], _Seen] = {}
         self._noted_us: dict[tuple[str, str], int] = {}

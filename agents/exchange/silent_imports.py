@@ -4,14 +4,13 @@ A stream that is sampled where it is made, off the grid of those that take it, b
 its maker were silent. The maker is asked for its newest sample; what the policy makes of that is the cause.
 """
 
-from collections.abc import Callable, Iterable
+from collections.abc import Iterable
 
 from agents.exchange.import_proxy import ImportProxy
-from agents.interface import InterfaceAgent
 from agents.part import Part
+from agents.ports import PartRegistry, Ports
 from dyknow import Policy
 from dyknow.model.instants import print_duration
-from federation.members.directory import DirectoryFacilitator
 from federation.members.imports import ImportName
 from federation.messages.acts import Act, Performative
 from federation.messages.contents import Content, Query, Reading, Samples
@@ -29,16 +28,9 @@ class SilentImports(Part):
 
     heeds_samples = True
 
-    def __init__(
-        self,
-        agent: InterfaceAgent,
-        importer: ImportProxy,
-        directory: DirectoryFacilitator,
-        note: Callable[[str], None],
-        offer: Callable[[int], None],
-    ) -> None:
-        self._agent, self._importer, self._note, self._offer = agent, importer, note, offer
-        self._directory = directory
+    def __init__(self, ports: Ports, parts: PartRegistry) -> None:
+        self._agent, self._importer, self._note, self._offer = ports.agent, parts[ImportProxy], ports.note, ports.offer
+        self._directory = ports.directory
         self._causes: dict[ImportName, ConditionEntry] = {}
         self._asked: set[ImportName] = set()
         self._changes, self._look_us = -1, 0

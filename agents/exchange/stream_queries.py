@@ -5,7 +5,7 @@ Times are the node clock, but for valid and available times.
 """
 
 import json
-from collections.abc import Callable, Sequence
+from collections.abc import Sequence
 from dataclasses import dataclass, field
 from typing import Any
 
@@ -15,13 +15,12 @@ from agents.exchange import readings
 from agents.exchange.dormant import DormantStreams, PendingQuery, StreamQuery
 from agents.exchange.gateway import PAGE, Gateway
 from agents.exchange.label_agreements import LabelAgreements
-from agents.interface import InterfaceAgent
 from agents.part import Part
+from agents.ports import PartRegistry, Ports
 from dyknow import NO_VALUE, Label, NoValue, Sample, Sort, Value, as_json
 from dyknow.model.errors import DyknowError, ValueNotAvailable
 from dyknow.model.values import LARGEST
-from federation.members.clock import FederationClock
-from federation.members.directory import DirectoryEntry, DirectoryFacilitator
+from federation.members.directory import DirectoryEntry
 from federation.messages.acts import Act, Performative
 from federation.messages.contents import (
     MAX_LIST,
@@ -66,20 +65,11 @@ class StreamQueries(Part):
     )
     answers = (Samples, StreamSamples, Answers)
 
-    def __init__(
-        self,
-        unit: str,
-        clock: FederationClock,
-        agent: InterfaceAgent,
-        directory: DirectoryFacilitator,
-        gateway: Gateway,
-        agreements: LabelAgreements,
-        declared: Callable[[str, str], Label],
-        platform_trust: PlatformTrust,
-    ) -> None:
-        self._agreements, self._declared, self._trust = agreements, declared, platform_trust
-        self._unit, self._clock, self._agent, self._directory, self._gateway = unit, clock, agent, directory, gateway
-        self._dormant = DormantStreams(clock, gateway)
+    def __init__(self, ports: Ports, parts: PartRegistry) -> None:
+        self._agreements, self._declared, self._trust = parts[LabelAgreements], ports.declared(), parts[PlatformTrust]
+        self._unit, self._clock, self._agent, self._directory = ports.unit, ports.clock, ports.agent, ports.directory
+        self._gateway = parts[Gateway.of]
+        self._dormant = DormantStreams(ports.clock, parts[Gateway.of])
 
     @property
     def deadline_us(self) -> int | None:

@@ -5,17 +5,14 @@ a newcomer, after a cut, after a restart. What is no longer needed is cancelled.
 """
 
 from collections import Counter
-from collections.abc import Callable, Mapping
 from collections.abc import Set as AbstractSet
 from dataclasses import dataclass
-from typing import TypeAlias
 
 from agents.exchange.import_proxy import ImportProxy
 from agents.exchange.label_agreements import LabelAgreements
-from agents.interface import InterfaceAgent
 from agents.part import Followed, Part, PeerChange
+from agents.ports import Needs, PartRegistry, Ports
 from dyknow import US_PER_S
-from federation.members.directory import DirectoryFacilitator
 from federation.members.liveness import PlatformGone, PlatformReturned
 from federation.members.offers import LabelAppeared, ServiceAppeared
 from federation.messages.acts import Act, Performative
@@ -33,8 +30,6 @@ SILENT_US = 1_000_000
 REPLY_US = 2_000_000
 AGES_US = 2**62
 """How long ago what never came was heard."""
-Needs: TypeAlias = Mapping[str, AbstractSet[tuple[str, int, int]]]
-"""Which (semantic label, period, max delay) of other units are needed."""
 
 
 @dataclass(slots=True)
@@ -56,18 +51,11 @@ class SubscriptionKeeper(Part):
         patience: how much longer than usual it waits for samples and answers, since there is too much to do.
     """
 
-    def __init__(
-        self,
-        unit: str,
-        agent: InterfaceAgent,
-        directory: DirectoryFacilitator,
-        importer: ImportProxy,
-        monitored: Callable[[], Needs],
-        agreements: LabelAgreements,
-    ) -> None:
-        self._unit, self._agent, self._directory, self._importer = unit, agent, directory, importer
-        self._agreements = agreements
-        self._monitored = monitored
+    def __init__(self, ports: Ports, parts: PartRegistry) -> None:
+        self._unit, self._agent, self._directory = ports.unit, ports.agent, ports.directory
+        self._importer = parts[ImportProxy]
+        self._agreements = parts[LabelAgreements]
+        self._monitored = ports.monitored()
         self._counted = Counter[tuple[str, tuple[str, int, int]]]()
         self._imported: Needs = {}
         self._both: tuple[Needs, Needs, Needs] = ({}, {}, {})

@@ -5,7 +5,7 @@ since until a user asks for something), then giving way to another vehicle, then
 route that the platform was started with. A user's own order has the mission wait. A vehicle that stands disarmed is in no hands.
 
 Each rule about the vehicle's state is a sentence, or None where it forbids nothing. Where the vehicle may be sent is in
-`agents.flight.places`.
+`agents.places`.
 """
 
 from dataclasses import dataclass

@@ -8,7 +8,7 @@ from collections.abc import Iterable
 from typing import Final
 
 from agents.exchange.gateway import Gateway
-from agents.flight.places import Fix
+from agents.places import Fix
 from dyknow import NO_VALUE, Value
 from dyknow.model.errors import Refused, UnknownLabel, ValueNotAvailable
 from navigation.geodesy import distance_m

@@ -21,7 +21,7 @@ from dataclasses import dataclass
 from enum import Enum
 from math import cos, hypot, radians
 
-from agents.flight.places import Fix
+from agents.places import Fix
 from navigation.geodesy import distance_m
 from navigation.vehicle import (
     INTERRUPTIBLE_MODES,

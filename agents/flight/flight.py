@@ -1,11 +1,10 @@
 """The vehicle of a platform: what it reports becomes streams, what is ordered becomes commands. Faults of simulated ones."""
 
-from collections.abc import Callable, Iterable, Mapping, Sequence
+from collections.abc import Iterable
 from typing import Final
 
 from agents.actions import QUERIED, Action, Offer, Role
-from agents.containment import Containment
-from agents.effects import Effect, InjectFault, Reported
+from agents.effects import InjectFault, Reported
 from agents.exchange.gateway import Gateway
 from agents.exchange.local_instance import LocalInstance
 from agents.flight.arbiter import Commander, in_words
@@ -13,20 +12,17 @@ from agents.flight.arrival import Arrival
 from agents.flight.below import occupied_below
 from agents.flight.errand import Errand
 from agents.flight.pilot import Pilot
-from agents.flight.places import Waypoint, fences_of, place_text
 from agents.flight.vehicle_streams import VehicleStreams
-from agents.interface import InterfaceAgent
 from agents.part import Followed, Part
+from agents.places import Waypoint, fences_of, place_text
+from agents.ports import PartRegistry, Ports
 from agents.tasks.requests import FLIGHT as FLIGHT_REQUESTS
 from dyknow import US_PER_S, Sample, earlier
-from federation.members.clock import FederationClock
-from federation.members.directory import DirectoryFacilitator
 from federation.members.offers import Service
 from federation.messages.acts import Act, Performative
 from federation.messages.contents import Done, Fault, FlightOutlook, Goto, Hold, Land, Reason, Resume, ReturnHome
 from federation.messages.contents.flight import MOST_PLACES
 from federation.messages.descriptions import ConditionEntry, LabelEntry
-from navigation.geodesy import LocalFrame
 from navigation.vehicle import (
     Command,
     GoToOrder,
@@ -39,7 +35,6 @@ from navigation.vehicle import (
     StationReport,
     StatusReport,
 )
-from reasoning import Profile
 
 FLIGHT: Final = Service("flight", "pilot")
 FAULTS: Final = Service("fault-injection", "simulator")
@@ -75,33 +70,16 @@ class FlightAgent(Part):
     )
     takes = {Reported: "on_reported"}  # noqa: RUF012  (a declaration, like the class's methods)
 
-    def __init__(
-        self,
-        agent: InterfaceAgent,
-        clock: FederationClock,
-        pilot: Pilot,
-        streams: VehicleStreams,
-        local: LocalInstance,
-        on_moved: Callable[[int], None],
-        emit: Callable[[Command], None],
-        note: Callable[[str], None],
-        offer: Callable[[int], None],
-        may_avoid: bool,
-        profiles: Mapping[str, Profile],
-        camera_frame: LocalFrame | None,
-        conditions: Callable[[], Sequence[ConditionEntry]],
-        contain: Containment,
-        gateway: Gateway,
-        directory: DirectoryFacilitator,
-    ) -> None:
-        self._contain, self._gateway, self._directory = contain, gateway, directory
-        self._profiles, self._frame, self._conditions = profiles, camera_frame, conditions
-        self._agent, self._clock, self.pilot, self.streams, self._emit = agent, clock, pilot, streams, emit
-        self._on_moved, self._note, self._offer = on_moved, note, offer
-        self._may_avoid = may_avoid
+    def __init__(self, ports: Ports, parts: PartRegistry) -> None:
+        self._contain, self._gateway, self._directory = ports.contain, parts[Gateway.of], ports.directory
+        self._profiles, self._frame, self._conditions = ports.config.profiles, ports.camera_frame, ports.conditions
+        self._agent, self._clock, self.pilot = ports.agent, ports.clock, parts[Pilot.of]
+        self.streams, self._emit = parts[VehicleStreams.of], ports.emit
+        self._on_moved, self._note, self._offer = ports.on_moved, ports.note, ports.offer
+        self._may_avoid = ports.may_avoid
         self._link: ConditionEntry | None = None
         self._avoidance: ConditionEntry | None = None
-        self._followed: Followed = (self, local)
+        self._followed: Followed = (self, parts[LocalInstance])
         self._awaited: tuple[Act, Errand] | None = None
         self._arriving: tuple[Act, Arrival] | None = None
 
@@ -326,8 +304,8 @@ class Faults(Part):
 
     offers = (Offer(FAULTS, (Action(Fault, "on_fault", role=Role.COMMAND_CENTRE),)),)
 
-    def __init__(self, agent: InterfaceAgent, clock: FederationClock, emit: Callable[[Effect], None]) -> None:
-        self._agent, self._clock, self._emit = agent, clock, emit
+    def __init__(self, ports: Ports, _parts: PartRegistry) -> None:
+        self._agent, self._clock, self._emit = ports.agent, ports.clock, ports.emit
 
     def on_fault(self, act: Act, content: Fault, now_us: int) -> None:
         """`(fault kind: ...)`: for a while, or until it is taken back."""

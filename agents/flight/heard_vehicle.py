@@ -5,8 +5,8 @@ from dataclasses import dataclass, field
 from typing import Final, NamedTuple
 
 from agents.flight import arbiter
-from agents.flight.places import Bounds, Fix, FlightLimits, FlightPlan
 from agents.flight.targets import Targets
+from agents.places import Bounds, Fix, FlightLimits, FlightPlan
 from dyknow.model.errors import Refused
 from navigation import vehicle
 from navigation.cruise import CruiseReport

@@ -1,7 +1,7 @@
 """Where another unit is, as far as the streams of this platform know."""
 
 from agents.exchange.gateway import Gateway
-from agents.flight.places import Fix
+from agents.places import Fix
 from dyknow import NO_VALUE
 from dyknow.model.errors import UnknownLabel, ValueNotAvailable
 

@@ -14,7 +14,8 @@ from agents.flight.arbiter import ANY_MODE, ENDINGS, HEARD_WITHIN_US, CommandCla
 from agents.flight.commanded import CommandedVehicle
 from agents.flight.errand import Errand, OrderProgress
 from agents.flight.heard_vehicle import FORBIDDEN, InterruptedMission
-from agents.flight.places import Fix
+from agents.places import Fix
+from agents.ports import PartRegistry, Ports
 from dyknow import Sample, earlier
 from dyknow.model.errors import Refused
 from navigation import vehicle
@@ -26,6 +27,16 @@ _SAME_PLACE_M: Final = 5.0
 @dataclass(slots=True)
 class Pilot(CommandedVehicle):
     """One vehicle's commands. Times are federation time."""
+
+    @classmethod
+    def of(cls, ports: Ports, _parts: PartRegistry) -> "Pilot":
+        """That of a platform."""
+        config = ports.config
+
+        def clock() -> int:
+            return ports.clock.federation_us(ports.now_us())
+
+        return cls(config.control, config.plan, config.limits, config.missions, clock, ports.note)
 
     def on_estimate(self, sample: Sample) -> list[vehicle.Command]:
         """Take a fused estimate (see `navigation.PositionFilter`) and fly on."""

@@ -9,7 +9,7 @@ from dataclasses import dataclass
 
 from agents.flight.arbiter import HEARD_WITHIN_US
 from agents.flight.errand import Errand, is_at
-from agents.flight.places import Fix
+from agents.places import Fix
 from navigation.geodesy import distance_m
 from navigation.vehicle import GoToOrder, TargetReport, stopping_distance_m
 

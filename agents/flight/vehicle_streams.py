@@ -10,6 +10,7 @@ from typing import Final
 
 from agents.effects import Reported
 from agents.part import NOT_MINE, Followed, Part
+from agents.ports import PartRegistry, Ports
 from dyknow import (
     NO_VALUE,
     SURE,
@@ -25,7 +26,6 @@ from dyknow import (
     Value,
     independent,
 )
-from federation.members.clock import FederationClock
 from federation.messages.descriptions import LabelEntry
 from federation.shares import TokenBucket
 from federation.sharing.translation import LabelConversion, Translation
@@ -78,6 +78,11 @@ class VehicleStreams:
         self._pushed: OrderedDict[str, tuple[Label, LabelConversion]] = OrderedDict()
         network.add_source(self.estimate, ESTIMATE)
         self._split()
+
+    @classmethod
+    def of(cls, ports: Ports, _parts: PartRegistry) -> "VehicleStreams":
+        """Those of a platform."""
+        return cls(ports.unit, ports.network, ports.translation, ports.config.period_us, ports.note)
 
     def _split(self) -> None:
         """Position, altitude and velocity are units over the estimate; the others are pushed next to it."""
@@ -204,17 +209,10 @@ class WinchStream(Part):
 
     takes = {Reported: "on_reported"}  # noqa: RUF012  (a declaration)
 
-    def __init__(
-        self,
-        unit: str,
-        clock: FederationClock,
-        network: Network,
-        translation: Translation,
-        offer: Callable[[int], None],
-    ) -> None:
-        self._clock, self._network, self._translation = clock, network, translation
-        self._offer = offer
-        self._label, self._to_local = translation.local_label(LOAD, unit), translation.to_local(LOAD)
+    def __init__(self, ports: Ports, _parts: PartRegistry) -> None:
+        self._clock, self._network, self._translation = ports.clock, ports.network, ports.translation
+        self._offer = ports.offer
+        self._label, self._to_local = ports.translation.local_label(LOAD, ports.unit), ports.translation.to_local(LOAD)
         self._newest_us = -1
         self._is_offered = False
 

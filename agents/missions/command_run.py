@@ -21,7 +21,7 @@ from typing import Final, NamedTuple
 
 from agents.flight.arbiter import Commander
 from agents.flight.pilot import Pilot
-from agents.flight.places import Fix
+from agents.places import Fix
 from dyknow.model.errors import Refused
 from navigation.geodesy import distance_m
 from navigation.vehicle import (

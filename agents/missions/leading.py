@@ -10,11 +10,10 @@ from functools import partial
 from typing import Final, Protocol
 
 from agents.actions import COORDINATION, QUERIED, Action, Offer, Role
-from agents.effects import Effect, SearchNews, SearchOver, Tell
+from agents.effects import SearchNews, SearchOver, Tell
 from agents.exchange.gateway import Gateway
 from agents.exchange.local_instance import LocalInstance
 from agents.exchange.subscription_keeper import SubscriptionKeeper
-from agents.interface import InterfaceAgent
 from agents.missions.led_mission import LedMission, MissionOrder, MissionUnit
 from agents.missions.locating import UnitSights
 from agents.missions.mission_texts import MissionTexts, with_initial
@@ -23,12 +22,11 @@ from agents.missions.performing import Performing
 from agents.missions.searches import MissionSearches
 from agents.missions.sensing import UnitSensors
 from agents.part import Followed, Part
+from agents.ports import PartRegistry, Ports
 from agents.tasks.authority import Authority
 from agents.tasks.life import TaskLife
 from agents.tasks.task import Task
 from dyknow.model.errors import Refused
-from federation.members.clock import FederationClock
-from federation.members.directory import DirectoryFacilitator
 from federation.messages.acts import Act, Performative
 from federation.messages.contents import (
     AnswerQuestion,
@@ -90,32 +88,18 @@ class MissionLeading(Part):
     answers = (MissionList,)
     takes = {SearchNews: "on_search_news", SearchOver: "on_search_over"}  # noqa: RUF012  (a declaration)
 
-    def __init__(
-        self,
-        unit: str,
-        agent: InterfaceAgent,
-        clock: FederationClock,
-        directory: DirectoryFacilitator,
-        gateway: Gateway,
-        local: LocalInstance,
-        keeper: SubscriptionKeeper,
-        performing: Performing,
-        tasks: TaskLife,
-        authority: Authority,
-        origin: Callable[[], LocalFrame | None],
-        emit: Callable[[Effect], None],
-        note: Callable[[str], None],
-    ) -> None:
-        self._unit, self._agent, self._clock, self._directory = unit, agent, clock, directory
-        self._gateway, self._local, self._keeper, self._performing = gateway, local, keeper, performing
-        self._tasks, self._origin, self._emit, self._note_of = tasks, origin, emit, note
-        self._authority = authority
-        authority.on_over.append(self._on_over)
+    def __init__(self, ports: Ports, parts: PartRegistry) -> None:
+        self._unit, self._agent, self._clock, self._directory = ports.unit, ports.agent, ports.clock, ports.directory
+        self._gateway, self._local, self._keeper = parts[Gateway.of], parts[LocalInstance], parts[SubscriptionKeeper]
+        self._performing = parts[Performing]
+        self._tasks, self._origin, self._emit, self._note_of = parts[TaskLife], ports.origin, ports.emit, ports.note
+        self._authority = parts[Authority]
+        parts[Authority].on_over.append(self._on_over)
         self._led: dict[str, LedMission] = {}
         self.listed: dict[str, ListedRecovery] = {}
         self._over: dict[str, LedMission] = {}
         self._reading: dict[tuple[str, str], FlyMission] = {}
-        self.searches = MissionSearches(emit)
+        self.searches = MissionSearches(ports.emit)
 
     # -- delegated ---------------------------------------------------------------------------------------------
 

@@ -6,20 +6,19 @@ plans again from that state and what it senses itself, without the vehicle that 
 A leader that is back in the same life leads again. Times are the node clock.
 """
 
-from collections.abc import Callable
 from dataclasses import dataclass, field
 from typing import Final
 
 from agents.actions import COORDINATION, INFORMED, Action, Offer
-from agents.interface import InterfaceAgent
 from agents.missions.leading import MissionLeading
 from agents.missions.led_mission import LedMission, MissionOrder
 from agents.missions.mission_texts import MissionTexts, texts_of
 from agents.missions.performing import Performing
 from agents.part import Part, PeerChange
+from agents.ports import PartRegistry, Ports
 from agents.tasks.authority import Authority
 from dyknow.model.errors import Refused
-from federation.members.directory import DirectoryFacilitator, unit_order
+from federation.members.directory import unit_order
 from federation.members.liveness import PlatformAppeared, PlatformGone
 from federation.messages.acts import Act, AgentName, Performative
 from federation.messages.contents import FlyMission, KeepMission, Reason
@@ -58,22 +57,13 @@ class MissionSuccession(Part):
 
     offers = (Offer(COORDINATION, (Action(KeepMission, "on_keep", INFORMED),)),)
 
-    def __init__(
-        self,
-        unit: str,
-        agent: InterfaceAgent,
-        directory: DirectoryFacilitator,
-        performing: Performing,
-        leading: MissionLeading,
-        authority: Authority,
-        note: Callable[[str], None],
-    ) -> None:
-        self._unit, self._agent, self._directory = unit, agent, directory
-        self._performing, self._leading, self._note = performing, leading, note
+    def __init__(self, ports: Ports, parts: PartRegistry) -> None:
+        self._unit, self._agent, self._directory = ports.unit, ports.agent, ports.directory
+        self._performing, self._leading, self._note = parts[Performing], parts[MissionLeading], ports.note
         self._told: dict[str, _Told] = {}
         self._kept: _Kept | None = None
         self._due_us = 0
-        authority.on_over.append(self._on_over)
+        parts[Authority].on_over.append(self._on_over)
 
     def _on_over(self, mission: str, _now_us: int) -> None:
         if self._kept is not None and self._kept.content.mission == mission:

@@ -14,15 +14,14 @@ from agents.admission.mission_permits import Permits
 from agents.flight.arbiter import Commander
 from agents.flight.flight import FLIGHT, FlightAgent
 from agents.flight.pilot import Pilot
-from agents.interface import InterfaceAgent
 from agents.missions.command_run import CommandRun, VehicleCommand
 from agents.part import Part
+from agents.ports import PartRegistry, Ports
 from agents.tasks.authority import Authority, TaskEvidence
 from agents.tasks.command_watch import CommandWatch
 from agents.tasks.life import TaskLife
 from agents.tasks.task import Task
 from dyknow.model.errors import Refused
-from federation.members.clock import FederationClock
 from federation.messages.acts import Act
 from federation.messages.contents import (
     CommandEntry,
@@ -80,26 +79,16 @@ class Performing(Part):
     )
     answers = (VehicleNews, Performed)
 
-    def __init__(
-        self,
-        unit: str,
-        agent: InterfaceAgent,
-        clock: FederationClock,
-        flight: FlightAgent,
-        pilot: Pilot,
-        tasks: TaskLife,
-        authority: Authority,
-        watch: CommandWatch,
-        role_of: Callable[[str], Role],
-        emit: Callable[[Command], None],
-        note: Callable[[str], None],
-        offer: Callable[[int], None],
-    ) -> None:
-        self._unit, self._agent, self._clock, self._flight, self._pilot = unit, agent, clock, flight, pilot
-        self._tasks, self._emit, self._note, self._offer = tasks, emit, note, offer
-        self._authority, self.permits, self._watch = authority, Permits(unit, role_of, authority), watch
-        authority.on_over.append(self._on_over)
-        authority.held.append(lambda: [] if self._joined is None or self._joined.word is None else [self._joined.word])
+    def __init__(self, ports: Ports, parts: PartRegistry) -> None:
+        self._unit, self._agent, self._clock, self._flight = ports.unit, ports.agent, ports.clock, parts[FlightAgent]
+        self._pilot = parts[Pilot.of]
+        self._tasks, self._emit, self._note, self._offer = parts[TaskLife], ports.emit, ports.note, ports.offer
+        self._authority, self.permits = parts[Authority], Permits(ports.unit, ports.role_of, parts[Authority])
+        self._watch = parts[CommandWatch]
+        parts[Authority].on_over.append(self._on_over)
+        parts[Authority].held.append(
+            lambda: [] if self._joined is None or self._joined.word is None else [self._joined.word]
+        )
         self._joined: _Joined | None = None
         self._due_us = 0
         self._is_released = False

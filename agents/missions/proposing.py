@@ -9,10 +9,10 @@ from typing import Final
 
 from agents.actions import COORDINATION, Action, Offer
 from agents.effects import SearchOver
-from agents.interface import InterfaceAgent
 from agents.missions.leading import LONGEST_SEARCH_US, MissionLeading
 from agents.missions.mission_texts import MissionTexts, texts_of
 from agents.part import Part
+from agents.ports import PartRegistry, Ports
 from dyknow.model.errors import DyknowError, Refused
 from federation.members.deadlines import Deadlines
 from federation.messages.acts import Act, Performative
@@ -57,8 +57,8 @@ class MissionProposals(Part):
     )
     answers = (MissionProposal,)
 
-    def __init__(self, agent: InterfaceAgent, leading: MissionLeading) -> None:
-        self._agent, self._leading = agent, leading
+    def __init__(self, ports: Ports, parts: PartRegistry) -> None:
+        self._agent, self._leading = ports.agent, parts[MissionLeading]
         self._called: dict[tuple[str, str], _Called] = {}
         self._due: Deadlines[tuple[str, str]] = Deadlines()
 

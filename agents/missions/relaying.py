@@ -4,22 +4,20 @@ It goes to the first platform present that has a vehicle of the problem, which l
 delegated. What that platform reports is reported on, and cancelled is there what is cancelled here.
 """
 
-from collections.abc import Callable
 from functools import partial
 from typing import Final
 
-from agents.actions import COORDINATION, Action, Offer, Role
+from agents.actions import COORDINATION, Action, Offer
 from agents.admission.mission_permits import Permits
-from agents.effects import Effect, SearchOver
-from agents.interface import InterfaceAgent
+from agents.effects import SearchOver
 from agents.missions.mission_texts import MissionTexts
 from agents.missions.searches import MissionSearches
 from agents.part import Followed, Part
+from agents.ports import PartRegistry, Ports
 from agents.tasks.authority import Authority
 from agents.tasks.life import TaskLife
 from agents.tasks.task import Task
 from dyknow.model.errors import Refused
-from federation.members.directory import DirectoryFacilitator
 from federation.messages.acts import Act, Performative
 from federation.messages.contents import Content, Done, FlyMission, Progress, Reason
 
@@ -35,22 +33,13 @@ class MissionRelay(Part):
     offers = (Offer(COORDINATION, (Action(FlyMission, "on_fly", lasting=True),)),)
     takes = {SearchOver: "on_search_over"}  # noqa: RUF012  (a declaration)
 
-    def __init__(
-        self,
-        unit: str,
-        agent: InterfaceAgent,
-        directory: DirectoryFacilitator,
-        tasks: TaskLife,
-        authority: Authority,
-        role_of: Callable[[str], Role],
-        emit: Callable[[Effect], None],
-        note: Callable[[str], None],
-    ) -> None:
-        self._unit, self._agent, self._directory, self._tasks, self._note = unit, agent, directory, tasks, note
-        self._permits = Permits(unit, role_of, authority)
+    def __init__(self, ports: Ports, parts: PartRegistry) -> None:
+        self._unit, self._agent, self._directory = ports.unit, ports.agent, ports.directory
+        self._tasks, self._note = parts[TaskLife], ports.note
+        self._permits = Permits(ports.unit, ports.role_of, parts[Authority])
         self._relayed: dict[str, tuple[Act, str]] = {}
         self._reading: dict[tuple[str, str], FlyMission] = {}
-        self._searches = MissionSearches(emit)
+        self._searches = MissionSearches(ports.emit)
 
     def on_fly(self, act: Act, content: FlyMission, now_us: int) -> None:
         """`(fly-mission ...)`: until it is over or cancelled.

@@ -6,9 +6,9 @@ from itertools import islice
 from typing import Any, Final
 
 from agents.actions import QUERIED, SUBSCRIBED, Action, Offer, Role
-from agents.interface import InterfaceAgent
 from agents.monitoring.reasons import LONGEST_LABEL, reasons, scalar
 from agents.part import Part
+from agents.ports import PartRegistry, Ports
 from agents.subscribers import Subscribers
 from agents.tasks.life import TaskLife
 from dyknow import Value
@@ -36,10 +36,10 @@ class AlarmLog(Part):
         ),
     )
 
-    def __init__(self, unit: str, agent: InterfaceAgent, tasks: TaskLife) -> None:
-        self._unit, self._agent = unit, agent
+    def __init__(self, ports: Ports, parts: PartRegistry) -> None:
+        self._unit, self._agent = ports.unit, ports.agent
         self.events: deque[AlarmEvent] = deque(maxlen=KEPT)
-        self.subscribers = Subscribers(agent, tasks)
+        self.subscribers = Subscribers(ports.agent, parts[TaskLife])
 
     def on_alarm(self, event: AlarmEvent, now_us: int) -> None:
         """Note one opening or closing and inform the subscribers."""

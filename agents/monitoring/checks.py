@@ -11,21 +11,20 @@ from agents.actions import COORDINATION, Offer
 from agents.admission.admission import reason_of
 from agents.exchange.gateway import Gateway
 from agents.exchange.label_agreements import LabelAgreements
-from agents.interface import InterfaceAgent
 from agents.monitoring.reasons import because
 from agents.monitoring.text_reading import TextReading
 from agents.part import Part
+from agents.ports import PartRegistry, Ports
 from agents.tasks.life import TaskLife
 from agents.tasks.requests import CHECK_FORMULA, LATER, WHEN
 from agents.tasks.task import Task
 from dyknow import NO_VALUE, US_PER_S, Label, Policy, earlier
 from dyknow.model.errors import ContentError, DyknowError, Refused, TextError, UnknownLabel
-from federation.members.clock import FederationClock
 from federation.members.deadlines import Deadlines
 from federation.messages.acts import Act, Performative
 from federation.messages.contents import CheckFormula, Reason, Verdict, When, read
 from federation.messages.contents.parts import MAX_LIST
-from kpl import Instance, parse_formula, print_specification
+from kpl import parse_formula, print_specification
 from kpl.checking.needs import domains_of
 from kpl.running.asking import read_over
 from kpl.running.formula_states import FormulaState, FormulaStates
@@ -75,20 +74,11 @@ class Checks(Part):
     offers = (Offer(COORDINATION, (CHECK_FORMULA, WHEN)),)
     answers = (Verdict,)
 
-    def __init__(
-        self,
-        clock: FederationClock,
-        agent: InterfaceAgent,
-        gateway: Gateway,
-        tasks: TaskLife,
-        instance: Instance,
-        agreements: LabelAgreements,
-        note: Callable[[str], None],
-    ) -> None:
-        self._note = note
-        self._agreements = agreements
-        self._clock, self._agent, self._gateway = clock, agent, gateway
-        self._tasks, self._instance = tasks, instance
+    def __init__(self, ports: Ports, parts: PartRegistry) -> None:
+        self._note = ports.note
+        self._agreements = parts[LabelAgreements]
+        self._clock, self._agent, self._gateway = ports.clock, ports.agent, parts[Gateway.of]
+        self._tasks, self._instance = parts[TaskLife], ports.instance()
         self._open: dict[str, Check] = {}
         self._parsing: dict[str, Act] = {}
         self._deadlines: Deadlines[str] = Deadlines()

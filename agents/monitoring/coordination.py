@@ -11,12 +11,12 @@ from collections.abc import Iterable
 from agents.actions import COORDINATION, FEDERATION, INFORMED, Action, Offer
 from agents.exchange.federation_agent import FederationAgent
 from agents.exchange.subscription_keeper import SubscriptionKeeper
-from agents.interface import InterfaceAgent
 from agents.monitoring.alarm_log import alarm_content
 from agents.monitoring.monitor_plans import MonitorPlan, PlanBook, exports_of
 from agents.monitoring.monitors import UnitMonitors
 from agents.monitoring.reported_alarms import ReportedAlarms
 from agents.part import Part, PeerChange
+from agents.ports import PartRegistry, Ports
 from agents.tasks.authority import Authority
 from agents.tasks.command_watch import ABOUT_COMMANDERS
 from agents.tasks.life import TaskLife
@@ -24,8 +24,7 @@ from agents.tasks.requests import CREATE_MONITOR, MONITOR_PROXIMITY, REMOVE_MONI
 from agents.tasks.task import Claim, CoordinatedTask, Task
 from dyknow import US_PER_S, earlier
 from dyknow.model.errors import DyknowError, Refused
-from federation.members.clock import FederationClock
-from federation.members.directory import DirectoryFacilitator, unit_order
+from federation.members.directory import unit_order
 from federation.members.liveness import PlatformGone
 from federation.members.offers import ServiceAppeared
 from federation.messages import contents
@@ -57,23 +56,12 @@ class Coordination(Part):
         ),
     )
 
-    def __init__(
-        self,
-        unit: str,
-        boot: int,
-        clock: FederationClock,
-        agent: InterfaceAgent,
-        directory: DirectoryFacilitator,
-        monitors: UnitMonitors,
-        tasks: TaskLife,
-        authority: Authority,
-        plans: PlanBook,
-        exporting: FederationAgent,
-        keeper: SubscriptionKeeper,
-    ) -> None:
-        self._unit, self._boot, self._clock, self._agent, self._directory = unit, boot, clock, agent, directory
-        self._monitors, self._life, self._plans, self._exporting = monitors, tasks, plans, exporting
-        self._keeper, self._authority, self._reported = keeper, authority, ReportedAlarms()
+    def __init__(self, ports: Ports, parts: PartRegistry) -> None:
+        self._unit, self._boot, self._clock, self._agent = ports.unit, ports.boot, ports.clock, ports.agent
+        self._directory = ports.directory
+        self._monitors, self._life, self._plans = parts[UnitMonitors.of], parts[TaskLife], parts[PlanBook.of]
+        self._exporting = parts[FederationAgent]
+        self._keeper, self._authority, self._reported = parts[SubscriptionKeeper], parts[Authority], ReportedAlarms()
 
     # -- a task is delegated to this platform -------------------------------------------------------------------
 

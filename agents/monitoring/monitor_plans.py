@@ -3,6 +3,7 @@
 from collections.abc import Callable, Iterable, Mapping, Sequence
 from dataclasses import dataclass, replace
 
+from agents.ports import PartRegistry, Ports
 from agents.tasks.requests import DEFAULT_TASK
 from agents.tasks.task import TaskPlan
 from dyknow import US_PER_S, Policy, Value
@@ -105,6 +106,11 @@ class PlanBook:
     def __init__(self, unit: str, profiles: Mapping[str, Profile], grid_us: int = 1) -> None:
         self._unit, self._profiles, self._grid_us = unit, profiles, grid_us
         self._declared: dict[str, MonitorPlan] = {}
+
+    @classmethod
+    def of(cls, ports: Ports, _parts: PartRegistry) -> "PlanBook":
+        """That of a platform."""
+        return cls(ports.unit, ports.config.profiles, ports.config.period_us)
 
     def declare(self, plan: MonitorPlan) -> Callable[[], None]:
         """Know a monitor that the specification declares; returns how to forget it.

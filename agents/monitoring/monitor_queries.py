@@ -4,16 +4,15 @@ from collections.abc import Iterator
 from typing import Literal, NamedTuple
 
 from agents.actions import COORDINATION, QUERIED, SUBSCRIBED, Action, Offer, Role
-from agents.interface import InterfaceAgent
 from agents.monitoring.alarm_log import ALARMS
 from agents.monitoring.monitor_plans import states_declaration
 from agents.monitoring.monitors import UnitMonitors
 from agents.monitoring.reasons import reasons
 from agents.part import Part
+from agents.ports import PartRegistry, Ports
 from agents.subscribers import Subscribers
 from agents.tasks.life import TaskLife
 from dyknow.model.values import LARGEST
-from federation.members.clock import FederationClock
 from federation.messages.acts import Act, Performative
 from federation.messages.contents import (
     IDLE,
@@ -24,8 +23,7 @@ from federation.messages.contents import (
     MonitorList,
     Monitors,
 )
-from federation.sharing.translation import Translation
-from kpl import Instance, print_specification
+from kpl import print_specification
 from kpl.checking.error_collector import shortened
 from reasoning import Monitor
 
@@ -60,19 +58,11 @@ class MonitorQueries(Part):
     )
     answers = (MonitorList, MonitorChange)
 
-    def __init__(
-        self,
-        unit: str,
-        agent: InterfaceAgent,
-        tasks: TaskLife,
-        clock: FederationClock,
-        monitors: UnitMonitors,
-        translation: Translation,
-        instance: Instance,
-    ) -> None:
-        self._unit, self._agent, self._clock, self._translation = unit, agent, clock, translation
-        self._monitors, self._instance = monitors, instance
-        self._subscribers = Subscribers(agent, tasks)
+    def __init__(self, ports: Ports, parts: PartRegistry) -> None:
+        self._unit, self._agent, self._clock = ports.unit, ports.agent, ports.clock
+        self._translation = ports.translation
+        self._monitors, self._instance = parts[UnitMonitors.of], ports.instance()
+        self._subscribers = Subscribers(ports.agent, parts[TaskLife])
         self._known: dict[tuple[str, tuple[str, ...]], _Known] = {}
         self._look_us = 0
 

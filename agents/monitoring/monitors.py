@@ -5,15 +5,14 @@ a state stream of its own: a silent platform makes its own instance stale and no
 all of them is synchronised once. Federation time.
 """
 
-from collections.abc import Callable, Iterable, Mapping
-from collections.abc import Set as AbstractSet
+from collections.abc import Callable, Iterable
 from dataclasses import dataclass, field
 from functools import partial
-from typing import TypeAlias
 
 from agents.containment import Containment
 from agents.monitoring.monitor_plans import MonitorPlan, StateMaker
 from agents.monitoring.taps import Feed, Tap
+from agents.ports import Needs, PartRegistry, Ports
 from dyknow import Label, Network, Policy, Sample, SharedState, SharedSynchronizer, Strand, earlier
 from dyknow.model.errors import DyknowError, Refused, UnknownLabel
 from federation.sharing.translation import Convert
@@ -63,10 +62,6 @@ class NamedMonitor:
         return True
 
 
-Needs: TypeAlias = Mapping[str, AbstractSet[tuple[str, int, int]]]
-"""Which (semantic label, period, max delay) of other units that the monitors need."""
-
-
 class UnitMonitors:
     """All monitors of one platform.
 
@@ -103,6 +98,11 @@ class UnitMonitors:
         self._count = 0
         self._due_us: int | None = None
         self._is_due_known = True
+
+    @classmethod
+    def of(cls, ports: Ports, _parts: PartRegistry) -> "UnitMonitors":
+        """Those of a platform."""
+        return cls(ports.unit, ports.network, ports.source(), ports.on_own_alarm, ports.contain)
 
     # -- what is monitored -------------------------------------------------------------------------------------
 

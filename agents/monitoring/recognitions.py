@@ -6,14 +6,13 @@ from typing import NamedTuple
 from agents.actions import COORDINATION, SUBSCRIBED, Action, Offer
 from agents.admission.admission import reason_of
 from agents.exchange.label_agreements import LabelAgreements
-from agents.interface import InterfaceAgent
 from agents.monitoring.text_reading import TextReading
 from agents.part import Part
+from agents.ports import PartRegistry, Ports
 from agents.tasks.life import TaskLife
-from dyknow import US_PER_S, Label, Network, Predicted
+from dyknow import US_PER_S, Label, Predicted
 from dyknow.model.errors import ChronicleError, ContentError, DyknowError, Refused
 from dyknow.model.instants import US_PER_MS
-from federation.members.clock import FederationClock
 from federation.members.deadlines import Deadlines
 from federation.messages.acts import Act, Performative
 from federation.messages.contents import MAX_LIST, Content, Expected, Reason, Recognise, Recognised
@@ -45,16 +44,9 @@ class Recognitions(Part):
     offers = (Offer(COORDINATION, (Action(Recognise, "on_recognise", SUBSCRIBED),)),)
     answers = (Expected, Recognised)
 
-    def __init__(
-        self,
-        clock: FederationClock,
-        agent: InterfaceAgent,
-        network: Network,
-        tasks: TaskLife,
-        agreements: LabelAgreements,
-    ) -> None:
-        self._agreements = agreements
-        self._clock, self._agent, self._network, self._tasks = clock, agent, network, tasks
+    def __init__(self, ports: Ports, parts: PartRegistry) -> None:
+        self._agreements = parts[LabelAgreements]
+        self._clock, self._agent, self._network, self._tasks = ports.clock, ports.agent, ports.network, parts[TaskLife]
         self._open: dict[str, Open] = {}
         self._parsing: dict[str, Act] = {}
         self._deadlines: Deadlines[str] = Deadlines()

@@ -4,13 +4,12 @@ from agents.actions import FEDERATION
 from agents.exchange.import_proxy import ImportProxy
 from agents.monitoring.monitors import UnitMonitors
 from agents.part import ClockCompared, Followed, Part, PeerChange
+from agents.ports import PartRegistry, Ports
 from dyknow import earlier
-from federation.members.clock import FederationClock, Standing
+from federation.members.clock import Standing
 from federation.members.deadlines import Deadlines
-from federation.members.directory import DirectoryFacilitator
 from federation.members.liveness import Departure, PlatformGone
 from federation.members.offers import ServiceAppeared
-from federation.members.offsets import ClockOffsets
 
 FORGOTTEN_US = 60_000_000
 """How long the monitors over a platform that died are kept, as missing."""
@@ -27,18 +26,10 @@ class UnitMonitoring(Part):
 
     vital = heeds_samples = True
 
-    def __init__(
-        self,
-        unit: str,
-        clock: FederationClock,
-        directory: DirectoryFacilitator,
-        monitors: UnitMonitors,
-        offsets: ClockOffsets,
-        importer: ImportProxy,
-    ) -> None:
-        importer.on_every = monitors.on_every
-        self._unit, self._clock, self._directory = unit, clock, directory
-        self.monitors, self._standing_of = monitors, offsets.standing
+    def __init__(self, ports: Ports, parts: PartRegistry) -> None:
+        parts[ImportProxy].on_every = parts[UnitMonitors.of].on_every
+        self._unit, self._clock, self._directory = ports.unit, ports.clock, ports.directory
+        self.monitors, self._standing_of = parts[UnitMonitors.of], ports.offsets.standing
         self._standing: dict[str, Standing] = {}
         self._departed: Deadlines[str] = Deadlines()
 

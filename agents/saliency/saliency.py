@@ -6,17 +6,16 @@ the stream `saliency-entries`, which every platform imports of all others. Each 
 """
 
 from collections import Counter
-from collections.abc import Callable, Iterable
+from collections.abc import Iterable
 from typing import Final
 
 from agents.actions import FEDERATION, QUERIED, Action, Offer, Role
-from agents.config import PlatformConfig
 from agents.exchange.label_agreements import LabelAgreements
 from agents.exchange.local_instance import LocalInstance
 from agents.exchange.partners import Partners
 from agents.exchange.subscription_keeper import SubscriptionKeeper
-from agents.interface import InterfaceAgent
 from agents.part import Part, PeerChange
+from agents.ports import PartRegistry, Ports
 from agents.saliency.records import (
     ENTRIES,
     MAP,
@@ -31,16 +30,12 @@ from agents.saliency.records import (
 from anchoring.saliency.entries import PersonEntry
 from anchoring.saliency.map import SaliencyMap
 from anchoring.saliency.watching import PersonSearch
-from dyknow import US_PER_S, Label, Network, Policy, Sample
+from dyknow import US_PER_S, Label, Policy, Sample
 from dyknow.network.generator import Subscription
-from federation.members.clock import FederationClock
-from federation.members.directory import DirectoryFacilitator
 from federation.members.offers import LabelAppeared, LabelGone
 from federation.messages.acts import Act
 from federation.messages.contents import SaliencyRow, SaliencyRows
 from federation.messages.descriptions import ConditionEntry, LabelEntry
-from federation.sharing.translation import Translation
-from navigation.geodesy import LocalFrame
 
 PERIOD_US: Final = US_PER_S
 AGAIN: Final = 5
@@ -60,41 +55,25 @@ class Saliency(Part):
     heeds_samples = True
     offers = (Offer(FEDERATION, (Action(SaliencyRows, "on_saliency_rows", QUERIED, Role.OBSERVER),)),)
 
-    def __init__(
-        self,
-        config: PlatformConfig,
-        agent: InterfaceAgent,
-        clock: FederationClock,
-        network: Network,
-        translation: Translation,
-        directory: DirectoryFacilitator,
-        agreements: LabelAgreements,
-        local: LocalInstance,
-        keeper: SubscriptionKeeper,
-        origin: Callable[[], LocalFrame | None],
-        note: Callable[[str], None],
-        offer: Callable[[int], None],
-    ) -> None:
-        self._unit, self._boot, self._agent, self._clock, self._network = (
-            config.unit,
-            config.boot,
-            agent,
-            clock,
-            network,
-        )
-        self._translation, self._directory, self._agreements, self._origin = translation, directory, agreements, origin
-        self._note, self._offer = note, offer
-        self.map = SaliencyMap(config.trusted)
+    def __init__(self, ports: Ports, parts: PartRegistry) -> None:
+        self._unit, self._boot, self._agent = ports.config.unit, ports.config.boot, ports.agent
+        self._clock, self._network = ports.clock, ports.network
+        self._translation, self._directory = ports.translation, ports.directory
+        self._agreements, self._origin = parts[LabelAgreements], ports.origin
+        self._note, self._offer = ports.note, ports.offer
+        self.map = SaliencyMap(ports.config.trusted)
         self.search: PersonSearch | None = None
-        self._partners = Partners(network, local, keeper, self._on_sample)
-        self._labels = {name: translation.local_label(name, config.unit) for name in (PERCEPTS, ENTRIES, MAP)}
+        self._partners = Partners(ports.network, parts[LocalInstance], parts[SubscriptionKeeper], self._on_sample)
+        self._labels = {
+            name: ports.translation.local_label(name, ports.config.unit) for name in (PERCEPTS, ENTRIES, MAP)
+        }
         self._taken: Subscription | None = None
         self._sent: dict[str, PersonEntry] = {}
         self._shown = set[str]()
         self._refused, self._refused_us = Counter[tuple[str, str]](), 0
         self._rounds = 0
         self._due_us: int | None = None
-        network.meet(self._on_label)
+        ports.network.meet(self._on_label)
 
     def labels(self) -> Iterable[LabelEntry]:
         """The entries of this platform once its detectors look for persons, and the map while there is one."""

@@ -6,19 +6,18 @@ everything that plays or draws recordings does so with it. Times are federation 
 """
 
 from collections import deque
-from collections.abc import Callable, Iterator
+from collections.abc import Iterator
 from typing import Any, Final, NamedTuple
 
 from agents.audit_log import AuditEntry
 from agents.effects import EncounterMessage, KeepEncounter
 from agents.exchange.gateway import Gateway
-from agents.interface import InterfaceAgent
 from agents.monitoring.alarm_log import AlarmLog, alarm_content
 from agents.part import Part
+from agents.ports import PartRegistry, Ports
 from dyknow import NO_VALUE, Sample
 from dyknow.model.errors import Refused, UnknownLabel, ValueNotAvailable
 from dyknow.model.values import as_json
-from federation.members.clock import FederationClock
 
 LABELS: Final = ("heli-position", "heli-altitude", "heli-velocity", "heli-height", "intent")
 BEFORE_US, AFTER_US = 20_000_000, 5_000_000
@@ -43,18 +42,10 @@ class EncounterLog(Part):
         emit: takes the records.
     """
 
-    def __init__(
-        self,
-        unit: str,
-        agent: InterfaceAgent,
-        clock: FederationClock,
-        gateway: Gateway,
-        alarms: AlarmLog,
-        keeps_encounters: bool,
-        emit: Callable[[KeepEncounter], None],
-    ) -> None:
-        self._unit, self._agent, self._clock, self._gateway, self._alarms = unit, agent, clock, gateway, alarms
-        self._keeps, self._emit = keeps_encounters, emit
+    def __init__(self, ports: Ports, parts: PartRegistry) -> None:
+        self._unit, self._agent, self._clock, self._gateway = ports.unit, ports.agent, ports.clock, parts[Gateway.of]
+        self._alarms = parts[AlarmLog]
+        self._keeps, self._emit = ports.config.encounters, ports.emit
         self._open: dict[str, _Encounter] = {}
         self._notes: deque[tuple[int, str]] = deque(maxlen=NOTES)
         self._due_us: int | None = None

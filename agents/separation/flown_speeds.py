@@ -3,7 +3,7 @@
 from collections import deque
 from typing import Final
 
-from agents.flight.places import Fix
+from agents.places import Fix
 from navigation.cruise import CruiseReport
 from navigation.intents.intent import CLIMB_M_S, DESCENT_M_S, SPEED_M_S
 

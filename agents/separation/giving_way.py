@@ -5,17 +5,16 @@ here and reported to the delegators of the tasks that keep vehicles apart. Times
 """
 
 from collections import Counter
-from collections.abc import Callable, Iterable
+from collections.abc import Iterable
 from typing import Final
 
 from agents.actions import COORDINATION, Action, Offer
-from agents.containment import Containment
 from agents.flight.errand import OrderProgress
 from agents.flight.pilot import Pilot
-from agents.interface import InterfaceAgent
 from agents.monitoring.coordination import Coordination
 from agents.monitoring.monitors import UnitMonitors
 from agents.part import Part
+from agents.ports import PartRegistry, Ports
 from agents.separation.answers import AvoidAnswers
 from agents.separation.encounter_log import EncounterLog
 from agents.separation.logic import SeparationLogic
@@ -36,10 +35,8 @@ from agents.separation.situation import (
 )
 from agents.separation.situation_view import SituationView
 from dyknow.model.errors import Refused
-from federation.members.clock import FederationClock
 from federation.messages.acts import Act, Performative
 from federation.messages.contents import Avoid, Content, Reason
-from navigation.vehicle import Command
 from reasoning import AlarmEvent
 
 ANSWER_WITHIN_US: Final = 1_000_000
@@ -68,32 +65,19 @@ class GivingWay(Part):
     vital = heeds_samples = True
     offers = (Offer(COORDINATION, (Action(Avoid, "on_avoid"),)),)
 
-    def __init__(
-        self,
-        unit: str,
-        agent: InterfaceAgent,
-        clock: FederationClock,
-        pilot: Pilot,
-        neighbourhood: Neighbourhood,
-        log: EncounterLog,
-        monitors: UnitMonitors,
-        coordination: Coordination,
-        emit: Callable[[Command], None],
-        note: Callable[[str], None],
-        on_alarm: Callable[[AlarmEvent], None],
-        contain: Containment,
-        *,
-        may_avoid: bool,
-    ) -> None:
-        self._unit, self._agent, self._clock, self._pilot, self._contain = unit, agent, clock, pilot, contain
-        self._neighbourhood, self._monitors, self._coordination = neighbourhood, monitors, coordination
-        self._log, self._emit, self._note, self._may_avoid = log, emit, note, may_avoid
-        self.logic, self.refused = SeparationLogic(unit), Counter[str]()
-        self._view = SituationView(pilot, neighbourhood, self.logic, may_avoid=may_avoid)
-        self._answers = AvoidAnswers(unit, self.logic, neighbourhood, self._view)
+    def __init__(self, ports: Ports, parts: PartRegistry) -> None:
+        self._unit, self._agent, self._clock, self._pilot = ports.unit, ports.agent, ports.clock, parts[Pilot.of]
+        self._contain = ports.contain
+        self._neighbourhood, self._monitors = parts[Neighbourhood], parts[UnitMonitors.of]
+        self._coordination = parts[Coordination]
+        self._log, self._emit, self._note = parts[EncounterLog], ports.emit, ports.note
+        self._may_avoid = ports.may_avoid
+        self.logic, self.refused = SeparationLogic(ports.unit), Counter[str]()
+        self._view = SituationView(parts[Pilot.of], parts[Neighbourhood], self.logic, may_avoid=ports.may_avoid)
+        self._answers = AvoidAnswers(ports.unit, self.logic, parts[Neighbourhood], self._view)
         self._blind_us = 0
         self.times = ReactionTimes()
-        self._neither = NeitherAlarms(unit, on_alarm, note)
+        self._neither = NeitherAlarms(ports.unit, ports.on_alarm, ports.note)
         self._reports, self._pursuits = Often(REPORTS, REPORTS_US), Often(PURSUES, PURSUES_US)
         self._seen: object = None
         self._ordered = -1

@@ -4,7 +4,7 @@ The own one is put out twice a second, on the grid. What others say is imported 
 none is taken by its position. A vehicle that is silent in the air is an alarm. Times are the node clock.
 """
 
-from collections.abc import Callable, Iterable
+from collections.abc import Iterable
 from typing import Final
 
 from agents.exchange.gateway import Gateway
@@ -14,20 +14,18 @@ from agents.exchange.partners import Partners
 from agents.exchange.subscription_keeper import SubscriptionKeeper
 from agents.flight.peer_fixes import fix_of
 from agents.flight.pilot import Pilot
-from agents.flight.places import Fix
 from agents.monitoring.coordination import Coordination
 from agents.part import Followed, Part, PeerChange
+from agents.places import Fix
+from agents.ports import PartRegistry, Ports
 from agents.separation.conformance import Conformance
 from agents.separation.neighbours import Neighbour, Neighbours
 from agents.separation.own_intent import OwnIntent
 from agents.separation.records import INTENT, intent_of, intent_value
 from agents.traffic.traffic import Traffic
-from dyknow import NO_VALUE, Network, Sample
-from federation.members.clock import FederationClock
-from federation.members.directory import DirectoryFacilitator
+from dyknow import NO_VALUE, Sample
 from federation.members.liveness import Departure, PlatformGone
 from federation.messages.descriptions import ConditionEntry, LabelEntry
-from federation.sharing.translation import Translation
 from navigation.intents.intent import IntendedPlace, Intent, RightOfWay
 from reasoning import SILENT_IN_THE_AIR, AlarmEvent
 
@@ -57,42 +55,26 @@ class Neighbourhood(Part):
 
     vital = True
 
-    def __init__(
-        self,
-        unit: str,
-        network: Network,
-        clock: FederationClock,
-        translation: Translation,
-        directory: DirectoryFacilitator,
-        agreements: LabelAgreements,
-        local: LocalInstance,
-        keeper: SubscriptionKeeper,
-        gateway: Gateway,
-        coordination: Coordination,
-        pilot: Pilot,
-        traffic: Traffic,
-        on_alarm: Callable[[AlarmEvent], None],
-        note: Callable[[str], None],
-        has_vehicle: bool,
-        *,
-        may_avoid: bool,
-    ) -> None:
-        self._unit, self._network, self._clock, self._translation = unit, network, clock, translation
-        self._directory, self._agreements, self._gateway = directory, agreements, gateway
-        self._coordination, self._pilot, self._raise, self._note = coordination, pilot, on_alarm, note
-        self._traffic, self._aircraft = traffic, set[str]()
+    def __init__(self, ports: Ports, parts: PartRegistry) -> None:
+        self._unit, self._network, self._clock = ports.unit, ports.network, ports.clock
+        self._translation = ports.translation
+        self._directory, self._agreements, self._gateway = ports.directory, parts[LabelAgreements], parts[Gateway.of]
+        self._coordination, self._pilot, self._raise = parts[Coordination], parts[Pilot.of], ports.on_alarm
+        self._note = ports.note
+        self._traffic, self._aircraft = parts[Traffic], set[str]()
         self._noted = set[tuple[str, str]]()
-        self._has_vehicle = has_vehicle
+        self._has_vehicle = ports.config.vehicle
         self.others = Neighbours()
-        self.own = OwnIntent(pilot, may_avoid=may_avoid)
+        self.own = OwnIntent(parts[Pilot.of], may_avoid=ports.may_avoid)
         self.manoeuvre: tuple[IntendedPlace, ...] | None = None
         self.manoeuvre_m_s: float | None = None
         self.cannot = False
-        self._conformance = Conformance(unit, on_alarm, note)
-        self._partners = Partners(network, local, keeper, self._on_import)
-        self._label, self._to_local = translation.local_label(INTENT, unit), translation.to_local(INTENT)
+        self._conformance = Conformance(ports.unit, ports.on_alarm, ports.note)
+        self._partners = Partners(ports.network, parts[LocalInstance], parts[SubscriptionKeeper], self._on_import)
+        self._label = ports.translation.local_label(INTENT, ports.unit)
+        self._to_local = ports.translation.to_local(INTENT)
         if self._has_vehicle:
-            network.add_source(self._label, translation.local_sort(INTENT))
+            ports.network.add_source(self._label, ports.translation.local_sort(INTENT))
         self._sent_us = 0
         self._silent: dict[str, AlarmEvent] = {}
         self._left_us: dict[str, int] = {}

@@ -13,7 +13,7 @@ from typing import Final, NamedTuple
 import numpy as np
 import numpy.typing as npt
 
-from agents.flight.places import Fix
+from agents.places import Fix
 from navigation.geodesy import distance_m
 from navigation.intents.intent import Intent, IntentEnding, IntentSource, RightOfWay
 from navigation.intents.path import STEP_S, STEPS, FlatOrigin, Tube, contingent, later, nominal

@@ -23,7 +23,7 @@ from agents.flight.arbiter import ENDINGS, Commander, unready
 from agents.flight.errand import OrderProgress
 from agents.flight.heard_vehicle import InterruptedMission
 from agents.flight.pilot import Pilot
-from agents.flight.places import Fix, FlightPlan
+from agents.places import Fix, FlightPlan
 from agents.separation.flown_speeds import FlownSpeeds
 from agents.separation.records import MOST_DELAY_S, MOST_SPEED_M_S
 from navigation.geodesy import distance_m

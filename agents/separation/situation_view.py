@@ -9,7 +9,7 @@ from functools import partial
 from typing import Final
 
 from agents.flight.pilot import Pilot
-from agents.flight.places import Fix
+from agents.places import Fix
 from agents.separation.allowed_places import may_fly_to
 from agents.separation.logic import STEPS, SeparationLogic
 from agents.separation.neighbourhood import Neighbourhood

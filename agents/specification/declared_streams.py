@@ -2,6 +2,7 @@
 
 from agents.exchange.label_agreements import LabelAgreements
 from agents.hosts.hosted import HostedProcess
+from agents.ports import PartRegistry, Ports
 from dyknow import Label, Network
 from dyknow.model.errors import Refused, UnknownLabel
 from federation.sharing.translation import Translation
@@ -20,6 +21,11 @@ class DeclaredStreams:
     ) -> None:
         self._unit, self._network, self._translation = unit, network, translation
         self._agreements, self._held, self._chronicles = agreements, instance.parts.held, instance.chronicles
+
+    @classmethod
+    def of(cls, ports: Ports, parts: PartRegistry) -> "DeclaredStreams":
+        """Those of a platform."""
+        return cls(ports.unit, ports.network, ports.translation, parts[LabelAgreements], ports.instance())
 
     def find(self, unit: str, text: str) -> Label:
         """The label of the stream, `self` put in, if `unit` may ask for it.

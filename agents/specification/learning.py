@@ -3,12 +3,12 @@
 Times are the node clock.
 """
 
-from collections.abc import Callable, Mapping
 from typing import Final
 
-from agents.effects import Effect, Keep
+from agents.effects import Keep
 from agents.part import Part
-from dyknow import US_PER_S, Label, Network
+from agents.ports import PartRegistry, Ports
+from dyknow import US_PER_S, Label
 from dyknow.model.errors import DyknowError
 from kpl.linking.beliefs import BeliefStream
 
@@ -22,19 +22,12 @@ class Learning(Part):
         learnt: what was kept: text by stream.
     """
 
-    def __init__(
-        self,
-        learnt: Mapping[str, str],
-        network: Network,
-        now_us: Callable[[], int],
-        emit: Callable[[Effect], None],
-        note: Callable[[str], None],
-    ) -> None:
-        self._learnt, self._network, self._now_us = dict(learnt), network, now_us
-        self._emit, self._note = emit, note
+    def __init__(self, ports: Ports, _parts: PartRegistry) -> None:
+        self._learnt, self._network, self._now_us = dict(ports.config.learnt), ports.network, ports.now_us
+        self._emit, self._note = ports.emit, ports.note
         self._streams: dict[Label, tuple[BeliefStream, bool]] = {}
         self._due_us: int | None = None
-        network.meet(self._on_label)
+        ports.network.meet(self._on_label)
 
     def _on_label(self, label: Label) -> None:
         process = self._network.process(label)

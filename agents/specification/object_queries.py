@@ -7,8 +7,8 @@ from agents.actions import QUERIED, Action, Offer, Role
 from agents.cooperation.cooperation import Cooperation
 from agents.cooperation.handover import Handover
 from agents.exchange.label_agreements import LabelAgreements
-from agents.interface import InterfaceAgent
 from agents.part import Part
+from agents.ports import PartRegistry, Ports
 from agents.specification.specification_part import SPECIFICATION
 from dyknow import NO_VALUE, Label, Sample
 from dyknow.model.errors import Refused
@@ -19,7 +19,6 @@ from dyknow.objects.object_table import ObjectTable
 from federation.messages.acts import Act
 from federation.messages.contents import ObjectEntry, ObjectEvent, ObjectEvents, ObjectList
 from federation.messages.descriptions import in_one_line
-from kpl import Instance
 from kpl.introspection.link_reasons import because
 from kpl.linking.branches import ways
 from kpl.linking.streams import LinkStream
@@ -72,17 +71,10 @@ class ObjectQueries(Part):
         ),
     )
 
-    def __init__(
-        self,
-        agent: InterfaceAgent,
-        agreements: LabelAgreements,
-        instance: Instance,
-        cooperation: Cooperation,
-        handover: Handover,
-    ) -> None:
+    def __init__(self, ports: Ports, parts: PartRegistry) -> None:
         self.histories: list[ObjectHistories] = []
-        self._agent, self._agreements, self._instance = agent, agreements, instance
-        self._cooperation, self._handover = cooperation, handover
+        self._agent, self._agreements, self._instance = ports.agent, parts[LabelAgreements], ports.instance()
+        self._cooperation, self._handover = parts[Cooperation], parts[Handover]
 
     def on_object_list(self, act: Act, content: ObjectList, now_us: int) -> None:
         """`(object-list)`, or `(object-list type: car)`: of one type, or of the stream of that name."""

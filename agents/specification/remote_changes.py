@@ -4,17 +4,16 @@ What is asked for is judged as a whole before anything changes (`kpl.running.ins
 chronicle files that this names; the code of units is never sent: they are named, and must be there.
 """
 
-from collections.abc import Callable, Iterable, Sequence
+from collections.abc import Iterable, Sequence
 
 from agents.actions import QUERIED, Action, Offer, Role
-from agents.interface import InterfaceAgent
 from agents.monitoring.monitors import UnitMonitors
 from agents.part import Part
+from agents.ports import PartRegistry, Ports
 from agents.specification.specification_part import OWNER, SPECIFICATION, SpecificationPart, read
 from agents.tasks.requests import RESET
 from dyknow import Label, Network
 from dyknow.model.errors import Refused, SourceText, TextError, did_you_mean
-from federation.members.clock import FederationClock
 from federation.messages import contents
 from federation.messages.acts import Act, Performative
 from federation.messages.contents.parts import uncontrolled
@@ -58,19 +57,11 @@ class SpecificationChanges(Part):
     )
     answers = (contents.SpecificationText, contents.SpecificationChanged)
 
-    def __init__(
-        self,
-        agent: InterfaceAgent,
-        clock: FederationClock,
-        monitors: UnitMonitors,
-        specified: SpecificationPart,
-        network: Network,
-        declared: Callable[[str, str], Label],
-        note: Callable[[str], None],
-    ) -> None:
-        self._network, self._declared = network, declared
-        self._agent, self._clock, self._monitors, self._note = agent, clock, monitors, note
-        self._specified, self._instance = specified, specified.instance
+    def __init__(self, ports: Ports, parts: PartRegistry) -> None:
+        self._network, self._declared = ports.network, ports.declared()
+        self._agent, self._clock, self._monitors = ports.agent, ports.clock, parts[UnitMonitors.of]
+        self._note = ports.note
+        self._specified, self._instance = parts[SpecificationPart], parts[SpecificationPart].instance
         self._limits = ActLimits(CHANGES_PER_S, CHANGES_BURST)
 
     def on_asked(self, act: Act, content: contents.Specification, now_us: int) -> None:

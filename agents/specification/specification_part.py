@@ -5,13 +5,12 @@ for it, queries it or monitors it finds it where every other stream is found. An
 inputs of monitors are (thesis 9.4.1).
 """
 
-from collections.abc import Callable, Iterable, Mapping
+from collections.abc import Iterable, Mapping
 from functools import lru_cache, partial
 from typing import Any, Final
 
 from agents.calls.calls import Calls
-from agents.config import PlatformConfig
-from agents.effects import Effect, Fed, FedTogether, HostCame, HostEvent, HostLeft, HostSaid, Specify, Tell, Waited
+from agents.effects import Fed, FedTogether, HostCame, HostEvent, HostLeft, HostSaid, Specify, Tell, Waited
 from agents.exchange.export_proxy import ExportProxy
 from agents.exchange.import_proxy import ImportProxy
 from agents.exchange.imported import ImportDemand, Imported, converting
@@ -19,13 +18,13 @@ from agents.exchange.label_agreements import LabelAgreements, Restriction, strea
 from agents.exchange.local_instance import LocalInstance
 from agents.exchange.subscription_keeper import SubscriptionKeeper
 from agents.hosts.host_desk import HostDesk
-from agents.interface import InterfaceAgent
 from agents.monitoring.monitor_plans import MonitorPlan, PlanBook, declared_profile
 from agents.monitoring.monitors import UnitMonitors
 from agents.monitoring.unit_monitoring import UnitMonitoring
 from agents.monitoring.unit_streams import UnitStreams
 from agents.part import Followed, Part, PeerChange
-from dyknow import Label, Network, Policy, Sample
+from agents.ports import PartRegistry, Ports
+from dyknow import Label, Policy, Sample
 from dyknow.model.errors import Refused, SourceText, TextError, TextErrors, Unmade
 from dyknow.model.semantic_labels import SemanticLabel
 from dyknow.network.process import Input
@@ -33,7 +32,6 @@ from dyknow.network.refinement import RefinementProcess
 from federation.members.liveness import Departure, PlatformAppeared, PlatformGone
 from federation.members.offers import Service
 from federation.messages.descriptions import LabelEntry
-from federation.sharing.translation import Translation
 from kpl import Hooks, Instance, Specification, parse_specification, print_declaration
 from kpl.checking.needs import domains_of
 from kpl.checking.symbols import OF_A_PLATFORM
@@ -94,56 +92,44 @@ class SpecificationPart(Part):
         HostCame: "on_host", HostSaid: "on_host", HostLeft: "on_host",
     }  # fmt: skip
 
-    def __init__(
-        self,
-        config: PlatformConfig,
-        agent: InterfaceAgent,
-        network: Network,
-        translation: Translation,
-        local: LocalInstance,
-        monitors: UnitMonitors,
-        monitoring: UnitMonitoring,
-        plans: PlanBook,
-        keeper: SubscriptionKeeper,
-        calls: Calls,
-        agreements: LabelAgreements,
-        importer: ImportProxy,
-        exporter: ExportProxy,
-        offer: Callable[[int], None],
-        now_us: Callable[[], int],
-        on_alarm: Callable[[AlarmEvent], None],
-        emit: Callable[[Effect], None],
-        note: Callable[[str], None],
-    ) -> None:
-        self._config, self._unit, self._clock, self._agent = config, config.unit, config.clock, agent
-        self._network, self._translation, self._source, self._monitors = network, translation, local.source, monitors
-        self._agreements, self._importer, self._ontology = agreements, importer, translation.ontology
-        self._plans, self._exporter, self._calls = plans, exporter, calls
-        self._keeper, self._offer, self._now_us, self._emit, self._note = keeper, offer, now_us, emit, note
-        self._followed: Followed = (self, monitoring, local)
+    def __init__(self, ports: Ports, parts: PartRegistry) -> None:
+        self._config, self._unit, self._clock = ports.config, ports.config.unit, ports.config.clock
+        self._agent = ports.agent
+        self._network, self._translation, self._source = ports.network, ports.translation, parts[LocalInstance].source
+        self._monitors = parts[UnitMonitors.of]
+        self._agreements, self._importer = parts[LabelAgreements], parts[ImportProxy]
+        self._ontology = ports.translation.ontology
+        self._plans, self._exporter, self._calls = parts[PlanBook.of], parts[ExportProxy.of], parts[Calls]
+        self._keeper, self._offer, self._now_us = parts[SubscriptionKeeper], ports.offer, ports.now_us
+        self._emit, self._note = ports.emit, ports.note
+        self._followed: Followed = (self, parts[UnitMonitoring], parts[LocalInstance])
         self._exported: dict[str, LabelEntry] = {}
-        self._faults = FaultLog(note)
-        ontology = config.ontology
+        self._faults = FaultLog(ports.note)
+        ontology = ports.config.ontology
         units = self._units = UnitStreams(
-            config.unit, translation, monitors, self._on_feature_input, lambda: self.instance.parts.objects
+            ports.config.unit,
+            ports.translation,
+            parts[UnitMonitors.of],
+            self._on_feature_input,
+            lambda: self.instance.parts.objects,
         )
         self.instance = Instance(
-            network,
-            unit=config.unit,
+            ports.network,
+            unit=ports.config.unit,
             sorts=ontology.sorts(),
             semantic={label.name: label for label in ontology.definitions()},
-            catalogue=config.catalogue,
-            hooks=Hooks(self._on_output, self._on_link, on_alarm, lambda event: self._tell(found_record(event))),
+            catalogue=ports.config.catalogue,
+            hooks=Hooks(self._on_output, self._on_link, ports.on_alarm, lambda event: self._tell(found_record(event))),
             federation=self,
-            admission=config.admission,
+            admission=ports.config.admission,
             features=units,
             is_unit=units.is_unit,
-            roads=config.roads,
-            frame=None if config.cameras is None else config.rig.frame,
+            roads=ports.config.roads,
+            frame=None if ports.config.cameras is None else ports.config.rig.frame,
         )
-        agreements.sources = self.instance.parts.objects.sources
-        network.on_fault, network.on_producer = self._faults.on_fault, self._on_producer
-        self.desk = HostDesk(self.instance, config.clock, note, config.monotonic_offset_us)
+        parts[LabelAgreements].sources = self.instance.parts.objects.sources
+        ports.network.on_fault, ports.network.on_producer = self._faults.on_fault, self._on_producer
+        self.desk = HostDesk(self.instance, ports.config.clock, ports.note, ports.config.monotonic_offset_us)
         self._waited_us = 0
         self._governor: Governor | None = None
         self.not_taken: Specify | None = None

@@ -13,10 +13,10 @@ from hashlib import sha256
 from typing import Final, NamedTuple, TypeAlias
 
 from agents.actions import COORDINATION, FEDERATION, INFORMED, REQUESTED, Action, Offer, Role
-from agents.interface import InterfaceAgent
 from agents.part import Part, PeerChange
+from agents.ports import PartRegistry, Ports
 from dyknow.model.errors import ContentError, Refused
-from federation.members.directory import DirectoryEntry, DirectoryFacilitator, unit_order
+from federation.members.directory import DirectoryEntry, unit_order
 from federation.members.liveness import PeerState, PlatformAppeared, PlatformGone
 from federation.messages.acts import Act, Performative
 from federation.messages.contents import (
@@ -88,15 +88,9 @@ class Authority(Part):
 
     offers = (Offer(COORDINATION, (Action(TaskOver, "on_task_over", INFORMED | REQUESTED),)),)
 
-    def __init__(
-        self,
-        unit: str,
-        boot: int,
-        agent: InterfaceAgent,
-        directory: DirectoryFacilitator,
-        role_of: Callable[[str], Role],
-    ) -> None:
-        self._unit, self._boot, self._agent, self._directory, self._role_of = unit, boot, agent, directory, role_of
+    def __init__(self, ports: Ports, _parts: PartRegistry) -> None:
+        self._unit, self._boot, self._agent, self._directory = ports.unit, ports.boot, ports.agent, ports.directory
+        self._role_of = ports.role_of
         self._proven: dict[bytes, TaskEvidence] = {}
         self._over: dict[str, dict[str, None]] = {}
         self._ended_here: dict[str, None] = {}

@@ -7,16 +7,14 @@ attempt. Of one platform there is one alarm, however much it sends. While a plat
 know yet that it is no successor any longer: such attempts are shown, and are no alarm. Times are the node clock.
 """
 
-from collections.abc import Callable, Iterable
+from collections.abc import Iterable
 from dataclasses import dataclass
 from typing import Final, Literal, NamedTuple
 
-from agents.interface import InterfaceAgent
 from agents.part import Part, PeerChange
+from agents.ports import PartRegistry, Ports
 from agents.tasks.authority import Authority, TaskEvidence
 from dyknow.model.errors import Refused
-from federation.members.clock import FederationClock
-from federation.members.directory import DirectoryFacilitator
 from federation.members.liveness import PlatformAppeared
 from federation.messages.acts import Act, Performative
 from federation.messages.contents import Progress
@@ -86,24 +84,14 @@ class CommandWatch(Part):
         offer: called when the conditions that `ls` shows change.
     """
 
-    def __init__(
-        self,
-        unit: str,
-        agent: InterfaceAgent,
-        clock: FederationClock,
-        directory: DirectoryFacilitator,
-        authority: Authority,
-        on_alarm: Callable[[AlarmEvent], None],
-        note: Callable[[str], None],
-        offer: Callable[[int], None],
-    ) -> None:
-        self._unit, self._agent, self._clock, self._directory = unit, agent, clock, directory
-        self._on_alarm, self._note, self._offer = on_alarm, note, offer
+    def __init__(self, ports: Ports, parts: PartRegistry) -> None:
+        self._unit, self._agent, self._clock, self._directory = ports.unit, ports.agent, ports.clock, ports.directory
+        self._on_alarm, self._note, self._offer = ports.on_alarm, ports.note, ports.offer
         self._commanded: Commanded | None = None
         self.refused: dict[str, Attempts] = {}
         self._revoked: dict[str, EndedByRevocation] = {}
         self._appeared_us = -SETTLED_US
-        authority.on_revoked.append(self._on_revoked)
+        parts[Authority].on_revoked.append(self._on_revoked)
 
     def conditions(self) -> Iterable[ConditionEntry]:
         for unit, each in list(self.refused.items())[-SHOWN:]:

@@ -22,13 +22,12 @@ successors in the next generations. Which platform may be one, and when, follows
 from collections.abc import Callable, Iterable
 
 from agents.actions import COORDINATION, QUERIED, Action, Offer, Role
-from agents.interface import InterfaceAgent
 from agents.part import Part, PeerChange
+from agents.ports import PartRegistry, Ports
 from agents.tasks.authority import Authority
 from agents.tasks.task import Claim, CoordinatedTask, EndedTask, Task, TaskPlan
 from dyknow.model.errors import ContentError, Refused
 from federation.members.deadlines import Deadlines
-from federation.members.directory import DirectoryFacilitator
 from federation.members.liveness import PlatformAppeared
 from federation.messages.acts import Act, AgentName, Performative
 from federation.messages.contents import (
@@ -43,7 +42,7 @@ from federation.messages.contents import (
 )
 from federation.messages.contents.parts import next_generation
 from federation.messages.ends import is_given_up, is_lost
-from federation.sharing.exports import LINGER_US, Exports
+from federation.sharing.exports import LINGER_US
 
 TOMBSTONES = 1000
 ABANDONED_US = 5_000_000
@@ -73,27 +72,19 @@ class TaskLife(Part):
     offers = (Offer(COORDINATION, (Action(Tasks, "on_tasks", QUERIED, Role.OBSERVER),)),)
     answers = (TaskList,)
 
-    def __init__(
-        self,
-        unit: str,
-        boot: int,
-        agent: InterfaceAgent,
-        directory: DirectoryFacilitator,
-        exports: Exports,
-        role_of: Callable[[str], Role],
-        authority: Authority,
-    ) -> None:
-        self._unit, self._boot, self._agent, self._directory = unit, boot, agent, directory
-        self._is_present, self._is_shared, self._role_of = directory.is_present, exports.is_shared, role_of
-        self._authority = authority
+    def __init__(self, ports: Ports, parts: PartRegistry) -> None:
+        self._unit, self._boot, self._agent, self._directory = ports.unit, ports.boot, ports.agent, ports.directory
+        self._is_present, self._is_shared = ports.directory.is_present, ports.exports.is_shared
+        self._role_of = ports.role_of
+        self._authority = parts[Authority]
         self.coordinated: dict[str, CoordinatedTask] = {}
         self._tasks: dict[str, Task] = {}
         self._ended: dict[str, str] = {}
         self._ended_by_others: dict[str, EndedTask] = {}
         self._due: Deadlines[str] = Deadlines()
         self._until_us: dict[str, int] = {}
-        authority.on_over.append(self._on_over)
-        authority.held.append(lambda: [led.evidence for led in self.coordinated.values()])
+        parts[Authority].on_over.append(self._on_over)
+        parts[Authority].held.append(lambda: [led.evidence for led in self.coordinated.values()])
 
     # -- requested, running ------------------------------------------------------------------------------------
 

@@ -6,7 +6,7 @@ of the profile `traffic-well-clear` needs no task. Floods are counted and shown.
 """
 
 from collections import Counter
-from collections.abc import Callable, Iterable, Mapping
+from collections.abc import Callable, Iterable
 from typing import Final
 
 from agents.effects import Reported
@@ -16,21 +16,19 @@ from agents.exchange.partners import Partners
 from agents.exchange.subscription_keeper import SubscriptionKeeper
 from agents.flight.pilot import Pilot
 from agents.part import NOT_MINE, Followed, Part, PeerChange
+from agents.ports import PartRegistry, Ports
 from agents.traffic.echoes import MemberEchoes, MemberState
 from agents.traffic.records import TRAFFIC, ended_value, heard_of, traffic_value
 from agents.traffic.watch import PROFILE, AircraftWatch
-from dyknow import NO_VALUE, Label, Network, Policy, Quality, Sample
+from dyknow import NO_VALUE, Label, Policy, Quality, Sample
 from dyknow.model.sample import Predicted
 from dyknow.network.generator import Subscription
-from federation.members.clock import FederationClock
-from federation.members.directory import DirectoryFacilitator
 from federation.members.offers import LabelAppeared, LabelGone
 from federation.messages.descriptions import ConditionEntry, LabelEntry
-from federation.sharing.translation import Translation
 from navigation.geodesy import metres_per_degree
 from navigation.traffic import TrafficPicture, TrafficState
 from navigation.vehicle import TrafficReport
-from reasoning import AlarmEvent, Profile, builtin_profiles
+from reasoning import builtin_profiles
 
 PERIOD_US: Final = 500_000
 IMPORTED_US: Final = 1_000_000
@@ -51,32 +49,19 @@ class Traffic(Part):
     vital = heeds_samples = True
     takes = {Reported: "on_reported"}  # noqa: RUF012  (a declaration)
 
-    def __init__(
-        self,
-        unit: str,
-        network: Network,
-        clock: FederationClock,
-        translation: Translation,
-        directory: DirectoryFacilitator,
-        agreements: LabelAgreements,
-        local: LocalInstance,
-        keeper: SubscriptionKeeper,
-        pilot: Pilot,
-        profiles: Mapping[str, Profile],
-        on_alarm: Callable[[AlarmEvent], None],
-        note: Callable[[str], None],
-        offer: Callable[[int], None],
-    ) -> None:
-        self._unit, self._network, self._clock, self._translation = unit, network, clock, translation
-        self._directory, self._agreements, self._local, self._pilot = directory, agreements, local, pilot
-        self._note, self._offer = note, offer
-        self.picture, self.echoes = TrafficPicture(unit), dict[str, str]()
-        self._members, self._watch = (
-            MemberEchoes(),
-            AircraftWatch(unit, profiles.get(PROFILE, builtin_profiles()[PROFILE]), on_alarm),
+    def __init__(self, ports: Ports, parts: PartRegistry) -> None:
+        self._unit, self._network, self._clock = ports.unit, ports.network, ports.clock
+        self._translation = ports.translation
+        self._directory, self._agreements, self._local = ports.directory, parts[LabelAgreements], parts[LocalInstance]
+        self._pilot = parts[Pilot.of]
+        self._note, self._offer = ports.note, ports.offer
+        self.picture, self.echoes = TrafficPicture(ports.unit), dict[str, str]()
+        self._members = MemberEchoes()
+        self._watch = AircraftWatch(
+            ports.unit, ports.config.profiles.get(PROFILE, builtin_profiles()[PROFILE]), ports.on_alarm
         )
-        self._partners = Partners(network, local, keeper, self._on_import)
-        self._label = translation.local_label(TRAFFIC, unit)
+        self._partners = Partners(ports.network, parts[LocalInstance], parts[SubscriptionKeeper], self._on_import)
+        self._label = ports.translation.local_label(TRAFFIC, ports.unit)
         self._fed: dict[Label, Subscription] = {}
         self._met: dict[Label, None] = {}
         self._offering = set[str]()
@@ -84,7 +69,7 @@ class Traffic(Part):
         self._left_out, self._shown = Counter[str](), ""
         self._shown_us, self._blind_us = 0, 0
         self._due_us: int | None = None
-        network.meet(self._on_label)
+        ports.network.meet(self._on_label)
 
     # -- what others of this platform ask ----------------------------------------------------------------------
 

@@ -6,7 +6,7 @@ Each bound leaves the vehicle its own way; how it may make room is what it bound
 from math import cos, hypot, radians, sin
 from random import Random
 
-from agents.flight.places import FlightLimits
+from agents.places import FlightLimits
 from bench.campaign import situations as ways
 from bench.campaign.situations import DrawnVehicle, Way
 from navigation.fences import FenceArea, FenceKind

@@ -3,7 +3,7 @@
 from collections.abc import Callable
 from random import Random
 
-from agents.flight.places import FlightLimits
+from agents.places import FlightLimits
 from bench.campaign.bounds import bounded
 from bench.campaign.geometries import GEOMETRIES, drawn_ways
 from bench.campaign.situations import DrawnVehicle, Situation, Trouble, Way

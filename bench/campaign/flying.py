@@ -8,7 +8,7 @@ from dataclasses import replace
 from typing import NamedTuple
 
 from agents.config import PlatformConfig
-from agents.flight.places import FlightPlan, Waypoint
+from agents.places import FlightPlan, Waypoint
 from bench.campaign import situations as ways
 from bench.campaign.personas import PersonaVehicle
 from bench.campaign.situations import WITH_LEAVE, DrawnVehicle, Situation, Trouble

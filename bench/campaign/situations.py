@@ -4,7 +4,7 @@ from collections.abc import Sequence
 from itertools import combinations
 from typing import NamedTuple
 
-from agents.flight.places import FlightLimits
+from agents.places import FlightLimits
 from navigation.fences import FenceArea
 from sim_uavs.dynamics.quadcopter import AirframeLimits, Vector, Wind
 from sim_uavs.dynamics.settings import PersonaName, VehicleSettings

@@ -166,7 +166,7 @@ class Monitoring(Member):
         """Every monitor has fresh inputs."""
 
         def fresh() -> bool:
-            named = self.platform.ports.monitors.named.get("proximity")
+            named = self.platform.built.monitors.named.get("proximity")
             return (
                 named is not None
                 and len(named.instances) == PLATFORMS - 1
@@ -182,7 +182,7 @@ class Monitoring(Member):
     def _lacks(self) -> str:
         """What a platform says of the monitors that do not settle."""
         platform = self.platform
-        named = platform.ports.monitors.named.get("proximity")
+        named = platform.built.monitors.named.get("proximity")
         stale = {
             member: (instance.monitor.inputs, instance.monitor.missing_inputs, dict(instance.monitor.reasons))
             for member, instance in ({} if named is None else named.instances).items()
@@ -192,10 +192,10 @@ class Monitoring(Member):
         standing = {unit: platform.member.offsets.standing(unit) for unit in stale}
         imports = {
             found.stream.label: (found.stream.account, found.stream.missing)
-            for found in platform.ports.gateway.importer.imports.streams.values()
+            for found in platform.built.gateway.importer.imports.streams.values()
             if found.stream.owner in stale
         }
-        return f"{stale} of {present}; {standing}; {imports}; refused {dict(platform.ports.gateway.importer.refused)}"
+        return f"{stale} of {present}; {standing}; {imports}; refused {dict(platform.built.gateway.importer.refused)}"
 
     def run(self, seconds: float) -> dict[str, Any]:
         """Measure for a while."""
@@ -231,7 +231,7 @@ class Monitoring(Member):
 
     def _account(self) -> tuple[int, int, int]:
         """Samples received, numbers that lack, and those that came by asking, over all streams."""
-        streams = [found.stream for found in self.platform.ports.gateway.importer.imports.streams.values()]
+        streams = [found.stream for found in self.platform.built.gateway.importer.imports.streams.values()]
         return (
             sum(stream.account.received for stream in streams),
             sum(stream.account.lost + stream.missing for stream in streams),
@@ -239,15 +239,15 @@ class Monitoring(Member):
         )
 
     def cancel(self) -> bool:
-        self.do(lambda: self.platform.ports.tasks.cancel(self.task, self.clock.now_us()))
+        self.do(lambda: self.platform.built.tasks.cancel(self.task, self.clock.now_us()))
         return True
 
     def ended(self) -> bool:
         """Nothing is monitored any more, and nothing exported."""
-        self.wait_for(lambda: not self.platform.ports.monitors.named, "the end of the task")
+        self.wait_for(lambda: not self.platform.built.monitors.named, "the end of the task")
         self.do(self.source.stop)
         self.do(self.platform.opened.clear)
-        self.wait_for(lambda: not self.platform.ports.gateway.exporter.exports.streams(), "the end of the streams")
+        self.wait_for(lambda: not self.platform.built.gateway.exporter.exports.streams(), "the end of the streams")
         return True
 
 

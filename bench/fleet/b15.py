@@ -55,7 +55,7 @@ def _run(count: int, period_us: int, seconds: float, **options: object) -> Figur
         instance.monitor
         for node in world.nodes.values()
         if node.platform is not None
-        for named in node.platform.ports.monitors.named.values()
+        for named in node.platform.built.monitors.named.values()
         for instance in named.instances.values()
     ]
     return {

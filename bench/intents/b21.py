@@ -5,7 +5,7 @@ from contextlib import contextmanager
 from random import Random
 from time import process_time
 
-from agents.flight.places import Fix
+from agents.places import Fix
 from agents.separation.logic import STEPS, SeparationLogic
 from agents.separation.neighbours import Neighbours
 from agents.separation.records import intent_of, intent_value

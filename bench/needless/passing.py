@@ -10,7 +10,7 @@ from math import cos, radians, sin
 from random import Random
 from time import process_time
 
-from agents.flight.places import FlightLimits
+from agents.places import FlightLimits
 from bench.campaign import situations as ways
 from bench.campaign.flying import CampaignFlight, S
 from bench.campaign.situations import DrawnVehicle, Situation, Way

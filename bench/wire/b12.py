@@ -8,7 +8,7 @@ from contextlib import ExitStack, contextmanager
 from typing import Any
 
 from agents.flight.flight import FlightAgent
-from agents.flight.places import FlightPlan
+from agents.places import FlightPlan
 from bench.fleet.members import Member, Source
 from bench.rows import Figures, Options, Ratio, Side
 from bench.wire.raw import PATIENCE_S, latencies

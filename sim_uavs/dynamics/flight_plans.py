@@ -1,6 +1,6 @@
 """From a scenario's route to the plan that a platform's pilot flies."""
 
-from agents.flight.places import FlightPlan, Waypoint
+from agents.places import FlightPlan, Waypoint
 from sim_uavs.dynamics.routes import Route
 
 

@@ -43,11 +43,11 @@ def _subscriptions_are_what_is_imported(wire: Box, member: Member) -> None:
 
 def _subscriptions_in_the_instance_have_a_reason(platform: Platform) -> None:
     """Exports and monitors subscribe locally, and nothing is left over when they end."""
-    assert len(platform.ports.gateway.exporter._subscriptions) == len(platform.ports.gateway.exporter.exports.streams())
-    taps = platform.ports.monitors._taps
+    assert len(platform.built.gateway.exporter._subscriptions) == len(platform.built.gateway.exporter.exports.streams())
+    taps = platform.built.monitors._taps
     used = {
         id(tap)
-        for named in platform.ports.monitors.named.values()
+        for named in platform.built.monitors.named.values()
         for fed in (named, *named.instances.values())
         for tap, _ in fed.taps
     }
@@ -55,8 +55,8 @@ def _subscriptions_in_the_instance_have_a_reason(platform: Platform) -> None:
 
 
 def _monitors_have_owners(platform: Platform) -> None:
-    asked = {task.conversation for task in platform.ports.tasks.all()} | set(platform.ports.tasks.coordinated)
-    for name, named in platform.ports.monitors.named.items():
+    asked = {task.conversation for task in platform.built.tasks.all()} | set(platform.built.tasks.coordinated)
+    for name, named in platform.built.monitors.named.items():
         assert named.owners, f"nobody wants {name}"
         assert named.owners <= asked | {OWNER}, f"{name} is kept for a task that is not there"
 

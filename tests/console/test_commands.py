@@ -357,7 +357,7 @@ def test_watch_prints_a_federated_stream_and_takes_it_down(world: Box, call: Cal
         times = [entry["valid_us"] for entry in shown if entry["unit"] == unit]
         assert all(later - earlier == 200_000 for earlier, later in pairwise(times))
     world.run(1.0)
-    assert not any(platform.ports.tasks.all() for platform in world.platforms.values())
+    assert not any(platform.built.tasks.all() for platform in world.platforms.values())
 
 
 @pytest.mark.parametrize("given", [{"every": "0s"}, {"max_delay": "0s"}, {"every": "5"}])
@@ -496,7 +496,7 @@ def test_who_alone_has_no_monitor_is_named(world: Box, call: Call, lines: Lines)
 
     _delegated(call, lines)
     world.run(2.0)
-    lost = world.platform("1").ports.tasks
+    lost = world.platform("1").built.tasks
     for task in [task for task in lost.all() if task.monitor]:
         lost.end(task, "0", world.now_us)
     world.settle("1")

@@ -178,7 +178,7 @@ def test_no_command_obeys_what_platforms_say(
 
 def run(words: list[str], world: Box, capsys: pytest.CaptureFixture[str], monkeypatch: pytest.MonkeyPatch) -> str:
     """What a command prints, as text and as JSON."""
-    conversations = [each for platform in world.platforms.values() for each in platform.ports.tasks.coordinated]
+    conversations = [each for platform in world.platforms.values() for each in platform.built.tasks.coordinated]
     words = [word.replace("CONVERSATION", next(iter(conversations), "cc-1")) for word in words]
     printed = ""
     for style in ([], ["--json"]):

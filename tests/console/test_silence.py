@@ -46,9 +46,9 @@ def test_a_task_that_a_successor_ended_is_named_by_every_command_that_shows_moni
     world.run(2.0)
     world.kill("0")
     world.run(5.0)
-    (conversation,) = world.platform("1").ports.tasks.coordinated
+    (conversation,) = world.platform("1").built.tasks.coordinated
     successor = world.platform("1")
-    successor.ports.tasks.cancel(conversation, world.now_us)
+    successor.built.tasks.cancel(conversation, world.now_us)
     world.settle("1")
     world.run(1.0)
     capsys.readouterr()

@@ -103,7 +103,7 @@ MONITORS = {"proximity": violates_proximity, "proximity-warn": violates_warning}
 def arrived(watched: Watched, label: str, unit: str) -> list[Sample]:
     """Every sample of a label of a unit that got into that platform's instance, in the order in which it did."""
     platform = watched.platform
-    local = platform.ports.gateway.translation.local_label(label, unit)
+    local = platform.built.gateway.translation.local_label(label, unit)
     if not platform.ports.network.has(local):
         return []
     held = platform.ports.network.generator(local).history.get_between(-(2**62), 2**62)

@@ -6,8 +6,8 @@ from random import Random
 from typing import Any
 
 from agents.config import PlatformConfig
-from agents.flight.places import FlightPlan
 from agents.monitoring.alarm_log import AlarmLog
+from agents.places import FlightPlan
 from agents.platform import Platform
 from federation.messages.contents import Alarm
 from federation.messages.dialogue import Dialogue
@@ -50,7 +50,7 @@ class WatchedWorld(World):
             return
         watched = Watched(platform, self.now_us)
         self.watched.setdefault(unit, []).append(watched)
-        monitors, calls = platform.ports.monitors, watched.calls
+        monitors, calls = platform.built.monitors, watched.calls
         create, remove, join, doubt, leave = (
             monitors.create,
             monitors.remove,
@@ -175,14 +175,14 @@ def leaders(world: World) -> list[str]:
         unit
         for unit, node in world.nodes.items()
         if node.platform is not None
-        and any(led.leader == unit for led in node.platform.ports.tasks.coordinated.values())
+        and any(led.leader == unit for led in node.platform.built.tasks.coordinated.values())
     ]
 
 
 def is_down(platform: Platform) -> bool:
     """Whether nothing that a task set up stands on it."""
     return not (
-        platform.ports.monitors.named or platform.ports.tasks.all() or platform.ports.gateway.exporter.exports.streams()
+        platform.built.monitors.named or platform.built.tasks.all() or platform.built.gateway.exporter.exports.streams()
     )
 
 

@@ -159,7 +159,7 @@ def test_what_lasts_needs_a_conversation_in_which_it_can_be_ended(wire: Box, nod
     for performative, content in [(P.REQUEST, MonitorProximity()), (P.SUBSCRIBE, Alarms())]:
         said(wire, "interface@0", content.expr(), performative, conversation_id=None)
     assert [act.performative for act in answers(wire)] == [P.NOT_UNDERSTOOD] * 2
-    assert node.ports.tasks.all() == []
+    assert node.built.tasks.all() == []
     assert node.part(AlarmLog).subscribers._acts == {}
 
 
@@ -187,8 +187,8 @@ def test_a_conversation_id_is_not_a_key_to_the_task_of_another(wire: Box, node: 
     assert [act.performative for act in answers(wire)] == [P.REFUSE]
     said(wire, "interface@0", Alarms().expr(), P.SUBSCRIBE, conversation_id=task.conversation)
     assert [act.performative for act in answers(wire)] == [P.REFUSE] * 2
-    assert [t.initiator for t in node.ports.tasks.all()] == ["cc"]
-    assert set(node.ports.monitors.named) == {"proximity", "proximity-warn"}
+    assert [t.initiator for t in node.built.tasks.all()] == ["cc"]
+    assert set(node.built.monitors.named) == {"proximity", "proximity-warn"}
 
 
 def test_subscriptions_of_two_that_share_a_conversation_id_are_two(wire: Box, node: Platform) -> None:

@@ -150,10 +150,10 @@ class Forger:
 
 def kept(platform: Platform) -> object:
     """What an accepted act or sample would have changed."""
-    monitors = {name: sorted(one.instances) for name, one in platform.ports.monitors.named.items()}
+    monitors = {name: sorted(one.instances) for name, one in platform.built.monitors.named.items()}
     return (
-        [(task.name, task.conversation, task.initiator) for task in platform.ports.tasks.all()], monitors, set(platform.ports.network.labels()),
-        sorted(platform.ports.gateway.importer.imports.streams), platform.part(FlightAgent).pilot.flying,
+        [(task.name, task.conversation, task.initiator) for task in platform.built.tasks.all()], monitors, set(platform.ports.network.labels()),
+        sorted(platform.built.gateway.importer.imports.streams), platform.part(FlightAgent).pilot.flying,
     )  # fmt: skip
 
 

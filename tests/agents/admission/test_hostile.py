@@ -80,8 +80,8 @@ def hostile(rng: Random) -> Iterator[tuple[str, bytes]]:
 
 def state(platform: Platform) -> object:
     return (
-        platform.ports.tasks.all(), dict(platform.ports.monitors.named), platform.ports.gateway.exporter.exports.streams(), platform.ports.gateway.importer.imports.streams,
-        platform.ports.network.labels(), platform.part(AlarmLog).subscribers, platform.ports.tasks.coordinated, platform.part(FlightAgent).pilot.flying,
+        platform.built.tasks.all(), dict(platform.built.monitors.named), platform.built.gateway.exporter.exports.streams(), platform.built.gateway.importer.imports.streams,
+        platform.ports.network.labels(), platform.part(AlarmLog).subscribers, platform.built.tasks.coordinated, platform.part(FlightAgent).pilot.flying,
     )  # fmt: skip
 
 
@@ -174,9 +174,9 @@ def test_with_a_roster_a_command_centre_alone_changes_or_restores_what_a_platfor
         ):
             assert signed.asked(by, "0", content).performatives == [P.REFUSE]
     assert signed.asked("eye", "0", Specification(), P.QUERY_REF).performatives == [P.REFUSE]
-    assert set(signed.platform("0").ports.monitors.named) == {"low"}
+    assert set(signed.platform("0").built.monitors.named) == {"low"}
     assert signed.asked("cc", "0", RestoreSpecification(number=0)).performatives[-1] is P.INFORM
-    assert not signed.platform("0").ports.monitors.named
+    assert not signed.platform("0").built.monitors.named
 
 
 def test_who_is_revoked_is_not_listened_to(signed: Box) -> None:
@@ -191,7 +191,7 @@ def test_two_of_the_roster_federate(signed: Box) -> None:
     task = signed.asked("cc", "0", MonitorProximity(profile="proximity"))
     signed.run(3.0)
     assert task.performatives[0] is P.AGREE
-    assert signed.platform("1").ports.monitors.named["proximity"].instances["0"].monitor.inputs == "fresh"
+    assert signed.platform("1").built.monitors.named["proximity"].instances["0"].monitor.inputs == "fresh"
     signed.cancel("cc", "0", task.conversation)
     signed.run(1.0)
 
@@ -204,7 +204,7 @@ def test_only_who_asked_or_a_command_centre_ends_a_task(signed: Box) -> None:
     desk.acts._handle(desk.conversations.send(cancel, signed.now_us)[1], signed.now_us)
     signed.settle("1")
     signed.run(0.2)
-    led = [t for t in signed.platform("0").ports.tasks.all() if t.name == "monitor-proximity"]
+    led = [t for t in signed.platform("0").built.tasks.all() if t.name == "monitor-proximity"]
     assert [t.initiator for t in led] == ["cc"]
     assert "a command centre may end" in str(signed.acts("0", "1")[-1].content)
     signed.cancel("cc", "0", task.conversation)

@@ -116,7 +116,7 @@ def is_said(wire: Box, case: tuple[str, str]) -> bool:
 def shows(platform: Platform) -> set[str]:
     """What the monitors over 1 show."""
     return {
-        each.instances["1"].monitor.shows for each in platform.ports.monitors.named.values() if "1" in each.instances
+        each.instances["1"].monitor.shows for each in platform.built.monitors.named.values() if "1" in each.instances
     }
 
 

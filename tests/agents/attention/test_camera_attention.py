@@ -57,7 +57,7 @@ def test_cancelled_it_turns_the_camera_back_and_leaves_it() -> None:
 
 def test_while_a_mission_looks_the_camera_is_its_own_and_attention_continues_afterwards() -> None:
     chase = attending()
-    claim = chase.platform.ports.pilot.mission
+    claim = chase.platform.built.pilot.mission
     claim.looks, looks = True, len(chase.looks)
     chase.drive(4.0, 8.0)
     assert len(chase.looks) == looks

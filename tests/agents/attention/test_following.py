@@ -6,7 +6,7 @@ import pytest
 
 from agents.attention.following import Following
 from agents.attention.standoff import Leaps, Whereabouts, expected, goal
-from agents.flight.places import FlightLimits
+from agents.places import FlightLimits
 from agents.tasks.requests import ATTEND, FLIGHT, FOLLOW, LATER
 from anchoring.attention.watched import WatchedPlace
 from federation.messages.contents import Follow, Goto
@@ -158,7 +158,7 @@ def test_another_order_of_a_user_ends_it() -> None:
 
 def test_giving_way_comes_first_and_then_it_follows_again() -> None:
     chase, dialogue = chased()
-    pilot = chase.platform.ports.pilot
+    pilot = chase.platform.built.pilot
     assert pilot.fix is not None
     for command in pilot.divert(pilot.fix.altitude_m + 12.0):
         chase.platform.ports.emit(command)

@@ -95,10 +95,10 @@ def test_what_is_offered_is_not_produced_before_it_is_taken_nor_after_the_call(w
     wire.specify("0", CALL)
     wire.run(2)
     assert network.generator(exported).history.get_size() > 5
-    assert [task.name for task in wire.platform("1").ports.tasks.all()] == ["call-for-stream"]
+    assert [task.name for task in wire.platform("1").built.tasks.all()] == ["call-for-stream"]
     wire.specify("0", "")
     wire.run(1)
-    assert wire.platform("1").ports.tasks.all() == []
+    assert wire.platform("1").built.tasks.all() == []
     assert wire.platform("1").part(Bids)._standing == {}
     assert not network.generator(exported).subscriptions
 
@@ -285,7 +285,7 @@ def test_to_take_a_proposal_of_another_or_none_fails_and_sets_up_nothing(wire):
     for taken in (asked.conversation, "cc-1-1.1"):
         wire.speak("7", lambda m, now, taken=taken: m.acts.decide("1", taken, P.ACCEPT_PROPOSAL, TakeProposal(), now))
     wire.run(0.2)
-    assert wire.platform("1").ports.tasks.all() == []
+    assert wire.platform("1").built.tasks.all() == []
     assert len(wire.platform("1").part(Bids)._standing) == 1, "that of the one who called stands"
     told = [act for act in wire.acts("1", "7") if act.performative is P.FAILURE]
     assert len(told) == 2

@@ -26,21 +26,21 @@ def test_a_refused_multicast_leaves_nothing_behind(wire: Box, node: Platform) ->
     assert wire.asked("cc", "0", multicast("heli-position", "car-position")).performatives == [P.REFUSE]
     assert wire.asked("cc", "0", multicast(to=("0",))).reason == "a stream needs a receiver"
     assert wire.asked("cc", "0", multicast(to=())).reason == "a stream needs a receiver"
-    assert node.ports.gateway.exporter.exports.streams() == []
-    assert node.ports.tasks.all() == []
+    assert node.built.gateway.exporter.exports.streams() == []
+    assert node.built.tasks.all() == []
 
 
 def test_a_multicast_that_does_not_fit_is_taken_back_as_a_whole(wire: Box, node: Platform) -> None:
     for at in range(STREAMS - 1):
-        node.ports.gateway.exporter.exports.open(
+        node.built.gateway.exporter.exports.open(
             f"c{at}", "battery", Policy(change="sample", sample_us=1000 + at, from_us=0), ["1"]
         )
     question = wire.asked("cc", "0", multicast("heli-position", "heli-altitude"))
     assert question.reason == f"this platform exports {STREAMS} streams already"
-    assert len(node.ports.gateway.exporter.exports.streams()) == STREAMS - 1
+    assert len(node.built.gateway.exporter.exports.streams()) == STREAMS - 1
     assert wire.acts("0", "cc", "stream") == []
     for at in range(STREAMS - 1):
-        node.ports.gateway.exporter.on_events(node.ports.gateway.exporter.exports.stop(f"c{at}", wire.now_us))
+        node.built.gateway.exporter.on_events(node.built.gateway.exporter.exports.stop(f"c{at}", wire.now_us))
 
 
 def test_one_peer_gets_so_many_streams_and_no_more(wire: Box, node: Platform) -> None:
@@ -56,10 +56,10 @@ def test_contracts_of_long_conversations_are_not_confused(wire: Box, node: Platf
     end = "-" + "7" * 62
     for unit, owner in (("cc", "a" + end), ("1", "b" + end)):
         node.part(FederationAgent).export(multicast(to=(unit,)), owner, wire.now_us)
-    ((_, receivers),) = node.ports.gateway.exporter.exports.streams()
+    ((_, receivers),) = node.built.gateway.exporter.exports.streams()
     assert receivers == ("1", "cc")
     node.part(FederationAgent).end_exports([f"a{end}.heli-position.{POLICY.content_hash()}"], wire.now_us)
-    ((_, receivers),) = node.ports.gateway.exporter.exports.streams()
+    ((_, receivers),) = node.built.gateway.exporter.exports.streams()
     assert receivers == ("1",)
     node.part(FederationAgent).end_exports([f"b{end}.heli-position.{POLICY.content_hash()}"], wire.now_us)
     wire.settle("0")
@@ -72,16 +72,16 @@ def test_a_stream_that_has_run_out_ends_its_task_and_tells_who_asked_and_who_rec
     question = wire.asked("1", "0", multicast(to=("1",), to_us=until_us))
     assert question.performatives == [P.AGREE, P.INFORM]
     wire.run(2.0)
-    assert len(node.ports.tasks.all()) == 1, "a last sample may be late"
+    assert len(node.built.tasks.all()) == 1, "a last sample may be late"
     wire.run(1.2)
     assert question.performatives[2:] == [P.FAILURE]
     assert question.reason == "end of its duration"
-    assert node.ports.tasks.all() == []
-    assert node.ports.gateway.exporter.exports.streams() == []
-    assert wire.platform("1").ports.gateway.importer.imports.streams == {}
+    assert node.built.tasks.all() == []
+    assert node.built.gateway.exporter.exports.streams() == []
+    assert wire.platform("1").built.gateway.importer.imports.streams == {}
     assert node.ports.agent.conversations.conversations() == []
     history = (
-        wire.platform("1").ports.network.generator(wire.platform("1").ports.gateway.local("heli-position", "0")).history
+        wire.platform("1").ports.network.generator(wire.platform("1").built.gateway.local("heli-position", "0")).history
     )
     assert history.get_latest().valid_us == until_us // 200_000 * 200_000
 
@@ -94,8 +94,8 @@ def test_a_receiver_is_told_when_its_own_contract_ends_though_others_receive_on(
     wire.run(1.0)
     wire.cancel("1", "0", first.conversation)
     wire.run(0.5)
-    assert wire.platform("1").ports.gateway.importer.imports.streams == {}
-    assert len(wire.platform("2").ports.gateway.importer.imports.streams) == 1
+    assert wire.platform("1").built.gateway.importer.imports.streams == {}
+    assert len(wire.platform("2").built.gateway.importer.imports.streams) == 1
     wire.cancel("2", "0", second.conversation)
     wire.run(0.5)
 
@@ -120,7 +120,7 @@ def test_streams_are_announced_and_ended_by_their_owner_as_they_are(
     wire.platform("1").ports.agent.tell("0", told, wire.now_us)
     wire.settle("1")
     wire.run(0.1)
-    assert node.ports.gateway.importer.imports.streams == {}
+    assert node.built.gateway.importer.imports.streams == {}
     assert node.ports.agent.audit_log.refused == {"refused": 1}
 
 
@@ -179,13 +179,13 @@ def test_a_sample_of_another_sort_is_dropped_and_counted(wire: Box, node: Platfo
     wire.asked("0", "1", multicast(to=("0",)))
     wire.run(1.0)
     key = next(crossed.put.key for crossed in wire.wire.log if crossed.put.key.startswith("x/1/"))
-    before = node.ports.gateway.latest("heli-position", "1")
+    before = node.built.gateway.latest("heli-position", "1")
     boot, far = wire.platform("1").config.boot, 10_000
     for at, value in enumerate([(1.0, 2.0, 3.0), (1.0,), 5.0, "here", (None, 1.0), ((1.0, 2.0),)]):
         wire.put(key, encode_samples(boot, (StreamSample(far + at, wire.now_us, value),)))
     wire.run(0.01)
-    assert node.ports.gateway.importer.refused == {"sort": 6}
-    assert node.ports.gateway.latest("heli-position", "1") == before
+    assert node.built.gateway.importer.refused == {"sort": 6}
+    assert node.built.gateway.latest("heli-position", "1") == before
 
 
 @pytest.mark.parametrize("valid_us", [-(2**63), 0, 2**62, 2**63 - 1])
@@ -198,5 +198,5 @@ def test_a_sample_from_any_time_is_taken_in_stride(wire: Box, node: Platform, va
     boot = wire.platform("1").config.boot
     wire.put(key, encode_samples(boot, (StreamSample(10_000, valid_us, (58.0, 15.0)),)))
     wire.run(5.0)
-    wire.cancel("cc", "0", node.ports.tasks.all()[0].conversation)
+    wire.cancel("cc", "0", node.built.tasks.all()[0].conversation)
     wire.run(1.0)

@@ -101,7 +101,7 @@ def test_what_two_mean_differently_is_refused_both_ways_and_both_say_with_which_
     assert "7.kpl:1" in asked.reason, "the line of who refuses"
     assert streamed(wire, "8", "8").performatives == [P.REFUSE]
     assert refused(wire, "label conflict") == 2
-    assert wire.platform("8").ports.gateway.importer.imports.streams == {}
+    assert wire.platform("8").built.gateway.importer.imports.streams == {}
     [here], [there] = conditions(wire, "8", "7"), conditions(wire, "7", "8")
     assert "7.kpl:1" in here
     assert "lab.toml:2" in there
@@ -121,8 +121,8 @@ def test_only_those_that_differ_are_refused_and_all_else_goes_on(wire: Box) -> N
     asked = streamed(wire, "9", "8", "9")
     assert asked.performatives == [P.AGREE, P.INFORM]
     assert any("not exported to 8" in note for note in wire.nodes["7"].notes)
-    assert [name[:2] for name in wire.platform("9").ports.gateway.importer.imports.streams] == [("7", "gas-level")]
-    assert wire.platform("8").ports.gateway.importer.imports.streams == {}
+    assert [name[:2] for name in wire.platform("9").built.gateway.importer.imports.streams] == [("7", "gas-level")]
+    assert wire.platform("8").built.gateway.importer.imports.streams == {}
     assert wire.asked("8", "0", Query(semantic_label="heli-position"), P.QUERY_REF).performatives == [P.INFORM]
 
 
@@ -132,7 +132,7 @@ def test_a_stream_ends_when_its_owner_or_its_receiver_changes_the_definition_and
     ours = f'label gas-level : gas in ppm "{GAS.meaning}"\n{IMPORTS}'
     specify(wire, "8", ours)
     wire.run(3.0)
-    importer = wire.platform("8").ports.gateway.importer
+    importer = wire.platform("8").built.gateway.importer
     assert len(importer.imports.streams) == 1
     specify(wire, "7", SNIFFS.format(export="export gas-level").replace("ppm", "percent"))
     wire.run(1.0)
@@ -217,7 +217,7 @@ def test_an_export_to_some_is_for_them_and_for_no_other_who_is_told_so_and_count
     assert asked.reason == shared.reason == "7 exports gas-level to 1, cc, and to no other"
     assert asked.contents[0].code == "no-receiver"
     assert refused(wire, "no receiver") == before + 2
-    streams = {unit: len(wire.platform(unit).ports.gateway.importer.imports.streams) for unit in ("1", "2")}
+    streams = {unit: len(wire.platform(unit).built.gateway.importer.imports.streams) for unit in ("1", "2")}
     assert streams == {"1": 1, "2": 0}
     assert len(wire.acts("2", "7", "create-multicast")) == 1, "who is not meant does not ask by itself"
 
@@ -235,8 +235,8 @@ def test_a_stream_ends_for_who_is_meant_no_longer_and_the_reason_is_told(wire: B
     before = wire.samples("7")
     wire.run(2.0)
     assert wire.samples("7") == before
-    assert wire.platform("8").ports.gateway.importer.imports.streams == {}
-    assert wire.platform("7").ports.tasks.all() == []
+    assert wire.platform("8").built.gateway.importer.imports.streams == {}
+    assert wire.platform("7").built.tasks.all() == []
 
 
 # -- hostile definitions -----------------------------------------------------------------------------------------

@@ -115,7 +115,7 @@ def test_what_it_states_is_still_traffic_and_it_is_named_no_longer_once_it_is_ho
     liar.begin(moved(north_m=900.0))
     wire.run(2.0)
     assert said(wire)
-    latest = wire.platform("0").ports.gateway.latest("heli-position", LIAR)
+    latest = wire.platform("0").built.gateway.latest("heli-position", LIAR)
     assert wire.now_us - latest.valid_us < S, "its samples are taken as before"
     wire.run(SHOWN_US / 1e6 + 1.0)
     assert said(wire) == {}

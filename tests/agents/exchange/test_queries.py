@@ -37,7 +37,7 @@ def quiet(wire: Box) -> Platform:
 
 def push(platform: Platform, *samples: tuple[int, int, float]) -> None:
     """Samples of the label as (available, valid, altitude)."""
-    history = platform.ports.network.generator(platform.ports.gateway.local(LABEL)).history
+    history = platform.ports.network.generator(platform.built.gateway.local(LABEL)).history
     for available_us, valid_us, altitude in samples:
         history.add(Sample(available_us, valid_us, (altitude,)))
 
@@ -101,7 +101,7 @@ def test_before_the_first_sample_nothing_held(wire: Box, quiet: Platform) -> Non
 def test_before_the_history_fails_and_names_its_start(wire: Box, quiet: Platform, query: dict[str, object]) -> None:
     t = wire.now_us - CAPACITY * 100
     push(quiet, *((t + 100 * n, t + 100 * n, float(n)) for n in range(CAPACITY)))
-    starts_us = quiet.ports.network.generator(quiet.ports.gateway.local(LABEL)).history.starts_us
+    starts_us = quiet.ports.network.generator(quiet.built.gateway.local(LABEL)).history.starts_us
     assert starts_us is not None
     assert starts_us > t + 50_000
     shifted = {name: t + value if isinstance(value, int) else value for name, value in query.items()}
@@ -145,7 +145,7 @@ def test_a_slice_longer_than_an_act_comes_in_pages_of_a_semantic_label_and_of_a_
     push(quiet, *((t + n, t + n, float(n)) for n in range(600)))
     expected = [float(n) for n in range(600)]
     assert altitudes(ask(wire, op="slice", i=0, j=599).contents) == expected
-    own = str(quiet.ports.gateway.local(LABEL))
+    own = str(quiet.built.gateway.local(LABEL))
     asked = wire.asked("cc", "0", QueryStream(stream=own, op="last", n=600), P.QUERY_REF)
     pages = [said for said in asked.contents if isinstance(said, StreamSamples)]
     assert [page.more for page in pages] == [True, True, False]
@@ -171,7 +171,7 @@ def test_the_first_sample_answers_who_asked_before_it(wire: Box, quiet: Platform
     question = ask(wire, scope=scope)
     assert question.performatives == []
     now_us = quiet.clock.federation_us(wire.now_us)
-    quiet.ports.network.generator(quiet.ports.gateway.local(LABEL)).push(now_us, (31.0,), now_us)
+    quiet.ports.network.generator(quiet.built.gateway.local(LABEL)).push(now_us, (31.0,), now_us)
     wire.run(0.1)
     (content,) = question.contents
     (samples,) = content.answers if isinstance(content, Answers) else (content,)

@@ -56,7 +56,7 @@ def pair(wire: Box) -> Box:
     wire.fly("0", 0, 0)
     wire.fly("1", 500, 0)
     wire.run(1.0)
-    wire.platform("1").ports.exporter.rank("heli-altitude", 4.0)
+    wire.platform("1").built.exporter.rank("heli-altitude", 4.0)
     wire.asked("0", "1", multicast("heli-position", "heli-altitude", to=("0",)))
     wire.run(1.0)
     return wire
@@ -71,7 +71,7 @@ def test_the_less_important_streams_are_sent_less_often_on_a_coarser_grid_and_ev
     assert [valid_us % (2 * PERIOD_US) for valid_us, _ in sent["heli-altitude"]] == [0] * 20
     assert {every for _, every in sent["heli-position"]} == {8}
     assert {every for _, every in sent["heli-altitude"]} == {2}
-    exporter = pair.platform("1").ports.exporter
+    exporter = pair.platform("1").built.exporter
     assert exporter.omitted["heli-position"] > exporter.omitted["heli-altitude"] > 0
 
 
@@ -127,7 +127,7 @@ def monitored(wire: Box, apart_m: float) -> Monitor:
     wire.run(1.0)
     wire.asked("cc", "0", MonitorProximity())
     wire.run(4.0)
-    return wire.platform("0").ports.monitors.named["proximity"].instances["1"].monitor
+    return wire.platform("0").built.monitors.named["proximity"].instances["1"].monitor
 
 
 def test_monitors_go_on_with_half_of_the_samples_and_are_unknown_with_less(wire: Box) -> None:
@@ -170,7 +170,7 @@ def test_a_member_that_says_it_sends_less_and_does_so_is_shown_as_unknown(wire: 
     wire.run(1.0)
     wire.asked("cc", "0", MonitorProximity())
     wire.run(4.0)
-    monitor = wire.platform("0").ports.monitors.named["proximity"].instances["1"].monitor
+    monitor = wire.platform("0").built.monitors.named["proximity"].instances["1"].monitor
     key = next(crossed.put.key for crossed in wire.wire.log if crossed.put.key.startswith("x/1/"))
     wire.wire.drop = lambda _by, _to, put: put.key.startswith("x/1/")
     wire.put(key, encode_samples(wire.platform("1").config.boot, (), every=16))
@@ -182,7 +182,7 @@ def test_who_may_not_shed_sends_all(wire: Box) -> None:
     platform = wire.fly("0", 0, 0, shedding=False)
     wire.run(0.5)
     press(wire, "0", 1.0, 5.0)
-    assert (platform.part(Shedding).level, platform.ports.exporter.shed) == (0, 1)
+    assert (platform.part(Shedding).level, platform.built.exporter.shed) == (0, 1)
 
 
 @settings(max_examples=examples(8), deadline=None)
@@ -196,7 +196,7 @@ def test_whatever_is_measured_the_level_follows_and_everything_comes_back(seed: 
         press(wire, "0", random.choice([0.0, 0.05, 0.12, 0.2, 0.3, 0.31, 0.55, 0.56, 1.0]))
         wire.run(random.choice([0.1, 0.5, 3.0]))
         assert 0 <= part.level < len(EVERY)
-        assert wire.platform("0").ports.exporter.shed == EVERY[part.level]
+        assert wire.platform("0").built.exporter.shed == EVERY[part.level]
     press(wire, "0", 0.0)
     wire.run(60.0)
-    assert (part.level, wire.platform("0").ports.exporter.shed, tuple(part.conditions())) == (0, 1, ())
+    assert (part.level, wire.platform("0").built.exporter.shed, tuple(part.conditions())) == (0, 1, ())

@@ -36,7 +36,7 @@ def watched(wire: Box) -> dict[tuple[str, str], str]:
     return {
         (unit, member): instance.monitor.inputs
         for unit in UNITS
-        for named in [wire.platform(unit).ports.monitors.named.get("proximity")]
+        for named in [wire.platform(unit).built.monitors.named.get("proximity")]
         if named is not None
         for member, instance in named.instances.items()
     }
@@ -51,7 +51,7 @@ def streams(wire: Box) -> dict[tuple[str, str, str], ImportStream]:
     return {
         (unit, owner, label): found.stream
         for unit in UNITS
-        for (owner, label, _), found in wire.platform(unit).ports.gateway.importer.imports.streams.items()
+        for (owner, label, _), found in wire.platform(unit).built.gateway.importer.imports.streams.items()
     }
 
 
@@ -102,7 +102,7 @@ def test_a_platform_that_stood_still_is_watched_again_and_the_task_goes_on(wire:
     wire.thaw(away)
     wire.run(8.0)
     assert watched(wire) == alike("fresh")
-    assert [t.name for u in UNITS for t in wire.platform(u).ports.tasks.all() if not t.is_part] == ["monitor-proximity"]
+    assert [t.name for u in UNITS for t in wire.platform(u).built.tasks.all() if not t.is_part] == ["monitor-proximity"]
     assert node.platform.ports.directory.is_present("0")
 
 
@@ -125,14 +125,14 @@ def test_what_was_asked_for_before_a_cut_ends_with_the_task_after_it(wire: Box, 
     wire.run(6.0)
     wire.wire.deaf.clear()
     wire.run(8.0)
-    (leader,) = [u for u in UNITS for t in wire.platform(u).ports.tasks.all() if not t.is_part]
+    (leader,) = [u for u in UNITS for t in wire.platform(u).built.tasks.all() if not t.is_part]
     wire.cancel_task("cc", leader, task)
     wire.run(10.0)
     assert watched(wire) == {}
     for unit in UNITS:
         platform: Platform = wire.platform(unit)
-        assert platform.ports.gateway.exporter.exports.streams() == []
-        assert platform.ports.tasks.all() == []
+        assert platform.built.gateway.exporter.exports.streams() == []
+        assert platform.built.tasks.all() == []
 
 
 def test_a_task_cancelled_during_a_cut_ends_behind_it_after_it(wire: Box, task: str) -> None:
@@ -144,7 +144,7 @@ def test_a_task_cancelled_during_a_cut_ends_behind_it_after_it(wire: Box, task: 
     wire.wire.deaf.clear()
     wire.run(20.0)
     assert watched(wire) == {}
-    assert [t.name for u in UNITS for t in wire.platform(u).ports.tasks.all()] == []
+    assert [t.name for u in UNITS for t in wire.platform(u).built.tasks.all()] == []
 
 
 @pytest.mark.parametrize(("pair", "seconds"), [(("0", "1"), 8.0), (("0", "1"), 25.0), (("1", "2"), 15.0)])

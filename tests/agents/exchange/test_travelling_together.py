@@ -28,8 +28,8 @@ def test_what_the_same_receivers_get_is_one_message_an_instant(wire: Box, node: 
         assert labels == {"heli-position", "heli-altitude", "heli-velocity"}
         assert len({sample.valid_us for each in (found, *found.riders) for sample in each.samples}) == 1
     for name in ("heli-position", "heli-altitude", "heli-velocity"):
-        assert node.ports.gateway.latest(name, "1").valid_us == put[-1][1].samples[0].valid_us
-    accounts = [record.stream.account for record in node.ports.gateway.importer.imports.streams.values()]
+        assert node.built.gateway.latest(name, "1").valid_us == put[-1][1].samples[0].valid_us
+    accounts = [record.stream.account for record in node.built.gateway.importer.imports.streams.values()]
     assert all((account.lost, account.duplicates, account.recovered) == (0, 0, 0) for account in accounts)
 
 
@@ -60,7 +60,7 @@ def test_a_lost_message_is_asked_for_again_stream_by_stream(wire: Box, node: Pla
     wire.wire.drop = drop
     wire.run(3.0)
     assert len(lost) == 3
-    accounts = [record.stream.account for record in node.ports.gateway.importer.imports.streams.values()]
+    accounts = [record.stream.account for record in node.built.gateway.importer.imports.streams.values()]
     assert [(account.recovered, account.lost) for account in accounts] == [(3, 0), (3, 0)]
 
 
@@ -75,4 +75,4 @@ def test_a_rider_that_nobody_asked_for_changes_nothing(wire: Box, node: Platform
     wire.put(key, encode_samples(boot, (), riders=(strange,) * 16))
     wire.run(0.01)
     assert node.ports.network.labels() == labels
-    assert len(node.ports.gateway.importer.imports.streams) == 1
+    assert len(node.built.gateway.importer.imports.streams) == 1

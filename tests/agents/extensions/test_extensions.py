@@ -45,7 +45,7 @@ def test_a_peer_calls_it_and_its_stream_is_queried_and_exported(extended: Box) -
     for _ in range(3):
         extended.asked("1", "0", RingBeacon())
     extended.run(0.5)
-    assert extended.platform("1").ports.gateway.latest("beacon-rings", "0").value[0] >= 3.0
+    assert extended.platform("1").built.gateway.latest("beacon-rings", "0").value[0] >= 3.0
 
 
 def test_it_is_in_the_directory_and_one_without_it_does_not_understand(extended: Box) -> None:

@@ -8,7 +8,7 @@ from hypothesis import strategies as st
 
 from agents.flight.arbiter import CommandClaims, Commander
 from agents.flight.pilot import Pilot
-from agents.flight.places import FlightLimits
+from agents.places import FlightLimits
 from dyknow import Sample
 from dyknow.model.errors import Refused
 from navigation.vehicle import (

@@ -3,7 +3,7 @@
 import pytest
 
 from agents.flight.errand import MODE_WITHIN_US, SEEN_WITHIN_US, SETTLES_US, TURNS_US, Errand, OrderProgress
-from agents.flight.places import Fix
+from agents.places import Fix
 from navigation.vehicle import (
     NO_ANSWER,
     OVERTAKEN,

@@ -3,7 +3,7 @@
 import pytest
 
 from agents.flight.pilot import Pilot
-from agents.flight.places import Fix, FlightLimits, FlightPlan, Waypoint
+from agents.places import Fix, FlightLimits, FlightPlan, Waypoint
 from dyknow.model.errors import Refused
 from navigation.vehicle import GoToOrder, HoldOrder, HomeReport, StatusReport
 

@@ -4,7 +4,7 @@ import numpy as np
 import pytest
 
 from agents.flight.pilot import Pilot
-from agents.flight.places import FlightLimits, FlightPlan, Waypoint
+from agents.places import FlightLimits, FlightPlan, Waypoint
 from dyknow import Sample
 from dyknow.model.errors import Refused
 from navigation.terrain.elevation import Elevation

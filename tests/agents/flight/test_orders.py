@@ -6,7 +6,7 @@ from typing import Any
 import pytest
 
 from agents.flight.flight import FlightAgent
-from agents.flight.places import FlightPlan, Waypoint
+from agents.places import FlightPlan, Waypoint
 from federation.messages.acts import Performative
 from federation.messages.contents import Content, Done, FlightOutlook, Goto, Hold, Reason, Resume, ReturnHome
 from navigation.vehicle import FenceReport, GoToOrder, HoldOrder

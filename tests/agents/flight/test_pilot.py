@@ -8,7 +8,7 @@ from agents.flight.arbiter import HEARD_WITHIN_US
 from agents.flight.commanded import ATTEMPTS, FORGETS_US, RETRY_US
 from agents.flight.errand import OrderProgress
 from agents.flight.pilot import Pilot
-from agents.flight.places import FlightLimits, FlightPlan, Waypoint
+from agents.places import FlightLimits, FlightPlan, Waypoint
 from dyknow import Sample
 from dyknow.model.errors import Refused
 from navigation.vehicle import (

@@ -4,7 +4,7 @@ from math import inf, nan
 
 import pytest
 
-from agents.flight.places import Bounds, Fix, FlightLimits
+from agents.places import Bounds, Fix, FlightLimits
 from navigation.vehicle import FenceReport, GoToOrder, HoldOrder, HomeReport, InterruptOrder, LandOrder, Order
 
 HOME = HomeReport(0, 58.0, 15.0, 50.0)

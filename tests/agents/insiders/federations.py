@@ -16,7 +16,7 @@ from agents.effects import Specify
 from agents.exchange.import_proxy import STREAMS_OF_ONE
 from agents.flight.arbiter import Commander
 from agents.flight.flight import FlightAgent
-from agents.flight.places import FlightLimits
+from agents.places import FlightLimits
 from compunits import catalogue
 from dyknow.model.errors import ContentError
 from dyknow.model.instants import LATEST_US
@@ -396,7 +396,7 @@ class HostileFederation:
 
     def _stands(self, unit: str) -> bool:
         """Whether a platform takes part in what the command centre delegated, or that may have ended it."""
-        led = self.world.platform(unit).ports.tasks.coordinated.get(self.task)
+        led = self.world.platform(unit).built.tasks.coordinated.get(self.task)
         return "cc" in self._speakers or (led is not None and led.leader == "0" and bool(led.plans))
 
     def check_standing(self) -> None:
@@ -447,7 +447,7 @@ class HostileFederation:
             found += [f"{each}: conversation {talk.opening}" for talk in talks if talk.peer == unit]
             pieces = platform.part(AreaAssignment).pieces
             found += [f"{each}: piece {task}" for task, piece in pieces.items() if piece.leader == unit][MOST_OF_ONE:]
-            exports = platform.ports.gateway.exporter.exports
+            exports = platform.built.gateway.exporter.exports
             found += [
                 f"{each}: export {name}"
                 for name, contract in exports._contracts.items()

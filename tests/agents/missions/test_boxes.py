@@ -10,7 +10,7 @@ from typing import Any
 import pytest
 
 from agents.config import PlatformConfig
-from agents.flight.places import FlightLimits
+from agents.places import FlightLimits
 from federation.messages.contents import AnswerQuestion, Attend, FlyMission, Resume
 from federation.messages.dialogue import Dialogue
 from navigation.vehicle import Report

@@ -39,7 +39,7 @@ def test_two_vehicles_take_off_share_the_places_and_land() -> None:
     kinds = [type(order) for _, order in flown.vehicles[1].commands]
     assert kinds == [SetGuided, Arm, TakeOffOrder, GoToOrder, LandOrder]
     assert flown.entry().phase == "ended"
-    assert [each.name for each in flown.world.platform("0").ports.tasks.all()] == []
+    assert [each.name for each in flown.world.platform("0").built.tasks.all()] == []
 
 
 def test_a_change_of_mode_has_the_mission_wait_nothing_is_sent_until_a_user_resumes_it() -> None:
@@ -95,12 +95,12 @@ def test_cancelled_or_aborted_its_vehicles_hold_and_are_free() -> None:
     for vehicle in flown.vehicles:
         assert [isinstance(order, HoldOrder) for _, order in vehicle.commands].count(True) == 1, "once"
         assert isinstance(vehicle.commands[-1][1], HoldOrder)
-    assert [flown.world.platform(unit).ports.pilot.mission.name for unit in "01"] == ["", ""]
+    assert [flown.world.platform(unit).built.pilot.mission.name for unit in "01"] == ["", ""]
     again = flown.begin(ONE, mission="m2")
     flown.until(again, "started: fly-to(uav0, barn)")
     flown.world.cancel("cc", "0", again.conversation)
     flown.world.run_for(1.0)
-    assert flown.world.platform("0").ports.pilot.mission.name == ""
+    assert flown.world.platform("0").built.pilot.mission.name == ""
 
 
 def test_one_that_is_ended_before_its_vehicles_have_joined_is_listed_as_ended() -> None:

@@ -44,7 +44,7 @@ def shown(wire: Box, unit: str) -> dict[tuple[str, str], str]:
     """(monitor, member) -> state of its inputs."""
     return {
         (name, member): instance.monitor.inputs
-        for name, named in wire.platform(unit).ports.monitors.named.items()
+        for name, named in wire.platform(unit).built.monitors.named.items()
         for member, instance in named.instances.items()
     }
 
@@ -58,15 +58,15 @@ def all_fresh(wire: Box, *units: str) -> bool:
 
 
 def leaders(wire: Box) -> dict[str, str]:
-    return {u: led.leader for u, p in wire.platforms.items() for led in p.ports.tasks.coordinated.values()}
+    return {u: led.leader for u, p in wire.platforms.items() for led in p.built.tasks.coordinated.values()}
 
 
 def nothing_left(wire: Box) -> bool:
     return all(
-        p.ports.monitors.named == {}
-        and p.ports.tasks.all() == []
-        and p.ports.gateway.exporter.exports.streams() == []
-        and p.ports.tasks.coordinated == {}
+        p.built.monitors.named == {}
+        and p.built.tasks.all() == []
+        and p.built.gateway.exporter.exports.streams() == []
+        and p.built.tasks.coordinated == {}
         for p in wire.platforms.values()
     )
 
@@ -83,15 +83,15 @@ def cancelled(wire: Box, question: Question, at: str, by: str = "cc") -> list[Pe
 def test_a_second_task_with_another_period_is_refused_and_sets_nothing_up(three: Box) -> None:
     first = delegated(three)
     three.run(1.0)
-    exports = three.platform("0").ports.gateway.exporter.exports.streams()
+    exports = three.platform("0").built.gateway.exporter.exports.streams()
     for to in "01":
         second = three.asked("cc", to, MonitorProximity(sample_period_s=1.0))
         three.run(1.0)
         assert second.performatives == [P.REFUSE]
         assert second.reason == "proximity is monitored here already, as sample every 100ms, max delay 500ms"
-    of_centre = [task.conversation for task in three.platform("0").ports.tasks.all() if task.initiator == "cc"]
+    of_centre = [task.conversation for task in three.platform("0").built.tasks.all() if task.initiator == "cc"]
     assert of_centre == [first.conversation]
-    assert three.platform("0").ports.gateway.exporter.exports.streams() == exports
+    assert three.platform("0").built.gateway.exporter.exports.streams() == exports
     assert all_fresh(three, "0", "1", "2")
 
 
@@ -100,8 +100,8 @@ def test_of_two_monitors_that_are_asked_for_together_none_stays_if_one_is_refuse
     assert own.performatives == [P.AGREE, P.INFORM]
     second = three.asked("cc", "0", MonitorProximity())
     assert second.performatives == [P.REFUSE]
-    assert set(three.platform("0").ports.monitors.named) == {"proximity-warn"}
-    assert three.platform("0").ports.tasks.coordinated == {}
+    assert set(three.platform("0").built.monitors.named) == {"proximity-warn"}
+    assert three.platform("0").built.tasks.coordinated == {}
 
 
 def test_a_participant_that_monitors_otherwise_refuses_its_part_and_the_others_go_on(three: Box) -> None:
@@ -112,10 +112,10 @@ def test_a_participant_that_monitors_otherwise_refuses_its_part_and_the_others_g
         "monitor proximity: refused, proximity is monitored here already, as sample every 500ms, max delay 500ms"
     ]
     assert shown(three, "2")["proximity", "0"] == "fresh"
-    assert three.platform("1").ports.tasks.coordinated[task.conversation].plans[0].name == "proximity-warn"
+    assert three.platform("1").built.tasks.coordinated[task.conversation].plans[0].name == "proximity-warn"
     three.cancel("cc", "0", task.conversation)
     three.run(1.5)
-    assert set(three.platform("1").ports.monitors.named) == {"proximity"}, "what another asked for stays"
+    assert set(three.platform("1").built.monitors.named) == {"proximity"}, "what another asked for stays"
 
 
 @pytest.mark.parametrize(
@@ -140,9 +140,9 @@ def test_two_tasks_share_a_monitor_and_the_one_that_ends_leaves_it_to_the_other(
     three.centre("cc-2")
     three.run(1.0)
     first, second = delegated(three), delegated(three, to="1", by="cc-2")
-    assert {t.name for p in "01" for t in three.platform(p).ports.tasks.all() if not t.is_part} == {"monitor-proximity"}
+    assert {t.name for p in "01" for t in three.platform(p).built.tasks.all() if not t.is_part} == {"monitor-proximity"}
     for unit in "012":
-        assert three.platform(unit).ports.monitors.named["proximity"].owners == {
+        assert three.platform(unit).built.monitors.named["proximity"].owners == {
             first.conversation,
             second.conversation,
         }
@@ -354,7 +354,7 @@ def test_nobody_is_deposed_by_a_leader_that_is_not_there(three: Box, monkeypatch
     coordination = three.platform("0").part(Coordination)
     reason = Reason(text="the task has another leader", code="led-by", leader="7", generation=9)
     coordination._declined(
-        three.platform("0").ports.tasks.coordinated[task.conversation], "1", "monitor", reason, three.now_us
+        three.platform("0").built.tasks.coordinated[task.conversation], "1", "monitor", reason, three.now_us
     )
     assert leaders(three)["0"] == "0"
     three.settle("0")
@@ -365,7 +365,7 @@ def test_the_words_of_a_refusal_steer_nothing(three: Box, text: str) -> None:
     task = delegated(three)
     coordination = three.platform("0").part(Coordination)
     coordination._declined(
-        three.platform("0").ports.tasks.coordinated[task.conversation], "1", "monitor", Reason(text=text), three.now_us
+        three.platform("0").built.tasks.coordinated[task.conversation], "1", "monitor", Reason(text=text), three.now_us
     )
     assert leaders(three) == {"0": "0", "1": "0", "2": "0"}
     three.settle("0")
@@ -400,7 +400,7 @@ def test_a_multicast_and_a_monitor_asked_for_by_hand_live_until_they_are_cancell
     )
     monitor = three.asked("cc", "0", CreateMonitor(name="proximity"))
     three.run(2.0)
-    assert [t.name for t in three.platform("0").ports.tasks.all()] == ["create-monitor"]
+    assert [t.name for t in three.platform("0").built.tasks.all()] == ["create-monitor"]
     three.cancel("cc", "1", stream.conversation)
     three.cancel("cc", "0", monitor.conversation)
     three.run(2.0)

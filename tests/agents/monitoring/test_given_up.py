@@ -31,7 +31,7 @@ def task(wire: Box) -> Question:
 
 
 def follows(wire: Box, unit: str) -> str | None:
-    return next((led.leader for led in wire.platform(unit).ports.tasks.coordinated.values()), None)
+    return next((led.leader for led in wire.platform(unit).built.tasks.coordinated.values()), None)
 
 
 def given_up(wire: Box) -> None:
@@ -52,7 +52,7 @@ def led_on_by_another(wire: Box) -> None:
     wire.run(8.0)
     assert (follows(wire, "1"), follows(wire, "2")) == ("1", "1")
     for unit, other in ("12", "21"):
-        assert {n.instances[other].monitor.inputs for n in wire.platform(unit).ports.monitors.named.values()} == {
+        assert {n.instances[other].monitor.inputs for n in wire.platform(unit).built.monitors.named.values()} == {
             "fresh"
         }
     (listed,) = wire.asked("cc", "1", Tasks(), Performative.QUERY_REF).contents
@@ -79,7 +79,7 @@ def test_a_part_that_ends_before_it_is_asked_for_anew_can_be_led_by_another(wire
     wire.wire.drop = lambda sender, receiver, put: (
         (sender, receiver) == ("0", "2") and "create-monitor" in str(put.payload)
     )
-    leader._ask_again(wire.platform("0").ports.tasks.coordinated[task.conversation], "2", wire.now_us)
+    leader._ask_again(wire.platform("0").built.tasks.coordinated[task.conversation], "2", wire.now_us)
     wire.settle("0")
     wire.run(0.1)
     assert follows(wire, "2") is None, "the cancel overtook the question"

@@ -32,4 +32,4 @@ def test_a_participant_that_gives_the_task_back_again_and_again_has_it_renewed_s
             wire.run(0.4)
     asked = len(wire.acts("0", "2", CreateMonitor.head)) - before
     assert 2 <= asked <= 2 * (2 + LASTS_S * 1e6 / RENEW_US), "two monitors each time"
-    assert task in wire.platform("2").ports.tasks.coordinated
+    assert task in wire.platform("2").built.tasks.coordinated

@@ -57,7 +57,7 @@ def tasks(wire: Box) -> list[tuple[str, str]]:
 
 
 def monitors(wire: Box) -> set[str]:
-    return set(wire.platform("7").ports.monitors.named)
+    return set(wire.platform("7").built.monitors.named)
 
 
 def test_it_is_done_once_when_the_condition_becomes_true_and_is_the_task_that_was_asked_for(fed: Box) -> None:

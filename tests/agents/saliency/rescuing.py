@@ -8,7 +8,7 @@ import numpy as np
 
 from agents.areas.scanning import Scanning
 from agents.config import PlatformConfig
-from agents.flight.places import FlightLimits
+from agents.places import FlightLimits
 from agents.saliency.saliency import Saliency
 from anchoring.saliency.map import SalientPlace
 from federation.messages.contents import DivideArea

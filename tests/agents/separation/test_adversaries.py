@@ -5,8 +5,8 @@ from typing import Any
 
 import pytest
 
-from agents.flight.places import Fix
 from agents.monitoring.alarm_log import AlarmLog
+from agents.places import Fix
 from agents.separation.giving_way import GivingWay
 from agents.separation.neighbourhood import Neighbourhood
 from agents.separation.neighbours import CREDIBLE_US, MOST, Neighbours, contradiction, tube_of

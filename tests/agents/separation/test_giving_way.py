@@ -4,8 +4,8 @@ from typing import Any
 
 import pytest
 
-from agents.flight.places import FlightPlan, Waypoint
 from agents.monitoring.alarm_log import AlarmLog
+from agents.places import FlightPlan, Waypoint
 from agents.separation.giving_way import GivingWay
 from agents.separation.neighbourhood import Neighbourhood
 from federation.messages.contents import Goto, Hold
@@ -118,7 +118,7 @@ def test_the_alarm_of_one_that_is_silent_closes_when_it_is_heard(wire: Box) -> N
 
 def test_without_a_task_nobody_gives_way(wire: Box) -> None:
     meeting(wire)
-    (task,) = [t.conversation for t in wire.platform("0").ports.tasks.all() if t.name == "monitor-proximity"]
+    (task,) = [t.conversation for t in wire.platform("0").built.tasks.all() if t.name == "monitor-proximity"]
     wire.cancel("cc", "0", task)
     wire.run(20.0)
     assert orders(wire, "0") == orders(wire, "1") == []

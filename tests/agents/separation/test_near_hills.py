@@ -3,7 +3,7 @@
 import pytest
 
 from agents.flight.flight import FlightAgent
-from agents.flight.places import FlightLimits
+from agents.places import FlightLimits
 from agents.separation.allowed_places import may_fly_to
 from navigation.intents.path import FlatOrigin, FlatPlace
 from navigation.terrain.elevation import Elevation

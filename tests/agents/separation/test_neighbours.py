@@ -2,7 +2,7 @@
 
 import pytest
 
-from agents.flight.places import Fix
+from agents.places import Fix
 from agents.separation.neighbours import (
     FORGOTTEN_US,
     GROWS_MOST_M,

@@ -5,7 +5,7 @@ from dataclasses import dataclass, field
 from itertools import combinations
 from math import hypot
 
-from agents.flight.places import Fix
+from agents.places import Fix
 from agents.separation.logic import STEPS, SeparationLogic
 from agents.separation.neighbours import Neighbours
 from agents.separation.situation import (

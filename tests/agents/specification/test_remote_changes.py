@@ -64,7 +64,7 @@ def pair():
 
 
 def test_a_declaration_is_added_runs_and_is_removed_and_nothing_else_is_touched(pair):
-    monitor = pair.world.platform("0").ports.monitors.named["apart"]
+    monitor = pair.world.platform("0").built.monitors.named["apart"]
     before = pair.text()
     said = pair.changed(AddDeclarations(text="stream far = dist[uav1] with sample every 1s\n"))
     assert (said.number, said.added, said.removed) == (1, ("stream far = dist[uav1] with sample every 1000",), ())
@@ -72,7 +72,7 @@ def test_a_declaration_is_added_runs_and_is_removed_and_nothing_else_is_touched(
     assert len([each for each in pair.told("0", "sample") if each["stream"] == "far"]) >= 3
     assert pair.changed(RemoveDeclarations(names=("far",))).removed == said.added
     assert pair.text() == before
-    assert pair.world.platform("0").ports.monitors.named["apart"] is monitor
+    assert pair.world.platform("0").built.monitors.named["apart"] is monitor
     notes = [note for note in pair.notes("0") if note.startswith("cc changed the specification (")]
     assert [note.split(": ", 1)[1] for note in notes] == [f"+ {said.added[0]}", f"- {said.added[0]}"]
 
@@ -191,7 +191,7 @@ def test_a_file_that_the_text_names_comes_with_it(pair):
 
 
 def test_a_monitor_that_a_task_needs_does_not_go(pair):
-    monitors = pair.world.platform("0").ports.monitors
+    monitors = pair.world.platform("0").built.monitors
     task = pair.ask(CreateMonitor(name="apart"))
     assert task.agreed
     other = text_of("uav0.kpl").replace("always forall", "eventually forall")
@@ -247,7 +247,7 @@ def test_a_declared_monitor_is_a_named_one_that_a_task_sets_up_everywhere_and_it
     assert task.agreed
     for unit in ("0", "1"):
         platform = pair.world.platform(unit)
-        named = platform.ports.monitors.named["near"]
+        named = platform.built.monitors.named["near"]
         assert named.owners == {OWNER, task.conversation}
         assert named.plan.profile.starts_avoidance
         assert platform.part(Coordination).keeps_apart()
@@ -255,7 +255,7 @@ def test_a_declared_monitor_is_a_named_one_that_a_task_sets_up_everywhere_and_it
     assert reason.code == "in-use"
     pair.world.speak("cc", lambda member, now_us: member.acts.cancel("0", task.conversation, now_us))
     pair.world.run_for(1)
-    assert pair.world.platform("1").ports.monitors.named["near"].owners == {OWNER}
+    assert pair.world.platform("1").built.monitors.named["near"].owners == {OWNER}
 
 
 def test_a_declared_monitor_over_streams_of_the_instance_is_a_named_one_too(pair):

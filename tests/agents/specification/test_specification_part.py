@@ -72,7 +72,7 @@ def test_exported_labels_are_offered_and_queried_like_those_of_a_vehicle(pair):
         "heli-position": 100_000,
         "heli-altitude": 100_000,
     }
-    found = pair.world.platform("1").ports.gateway.latest("heli-altitude")
+    found = pair.world.platform("1").built.gateway.latest("heli-altitude")
     assert found.value == (121.0,)
     assert pair.world.now_us - found.valid_us <= 200_000
 
@@ -135,9 +135,9 @@ def test_what_is_taken_back_is_offered_asked_for_and_monitored_no_more(pair):
     pair.world.run_for(3)
     platform = pair.world.platform("0")
     assert platform.part(SubscriptionKeeper).needs() == {}
-    assert not platform.ports.monitors.named
+    assert not platform.built.monitors.named
     assert not pair.world.platform("1").ports.directory.entry("0").labels
-    assert not pair.world.platform("1").ports.gateway.exporter.exports.streams()
+    assert not pair.world.platform("1").built.gateway.exporter.exports.streams()
     pair.specify("0", text)
     before = len(pair.told("0", "sample"))
     pair.world.run_for(6)
@@ -168,7 +168,7 @@ def test_a_partner_that_dies_is_told_and_its_streams_come_again_when_it_returns(
     pair.world.run_for(4)
     pair.world.kill("1")
     pair.world.run_for(5)
-    monitor = pair.world.platform("0").ports.monitors.named["apart"].instances["1"].monitor
+    monitor = pair.world.platform("0").built.monitors.named["apart"].instances["1"].monitor
     assert monitor.shows == "unknown"
     pair.world.restart("1")
     pair.specify("1", text_of("uav1.kpl"))
@@ -410,16 +410,16 @@ def test_nothing_is_asked_for_or_computed_elsewhere_that_nobody_takes():
     platform, other = pair.world.platform("0"), pair.world.platform("1")
     pair.world.run_for(3)
     assert platform.part(SubscriptionKeeper).needs() == {}
-    assert not other.ports.gateway.exporter.exports.streams()
+    assert not other.built.gateway.exporter.exports.streams()
     assert not other.ports.network.process(Label("pos", ("1",))).running
     pair.specify("0", idle + "monitor near = always pos.latitude_deg[uav1] < 90\n")
     pair.world.run_for(3)
-    assert other.ports.gateway.exporter.exports.streams()
+    assert other.built.gateway.exporter.exports.streams()
     assert other.ports.network.process(Label("pos", ("1",))).running
     pair.specify("0", idle)
     pair.world.run_for(3)
     assert platform.part(SubscriptionKeeper).needs() == {}
-    assert not other.ports.gateway.exporter.exports.streams()
+    assert not other.built.gateway.exporter.exports.streams()
     assert not other.ports.network.process(Label("pos", ("1",))).running
 
 
@@ -449,19 +449,19 @@ def test_each_monitor_of_an_imported_stream_has_its_own_rate_and_the_last_one_en
     pair.world.run_for(2)
     assert rates("fast", "less", "rare") == [{0.1}, {0.5}, {1.0}]
     assert asked() == {100_000, 1_000_000}
-    assert len(other.ports.gateway.exporter.exports.streams()) == 2
+    assert len(other.built.gateway.exporter.exports.streams()) == 2
     pair.specify("0", imports + less + rare)
     assert rates("less", "rare") == [{0.5}, {1.0}]
     assert asked() == {100_000, 1_000_000}
     pair.specify("0", imports + rare)
     assert rates("rare") == [{1.0}]
     assert asked() == {1_000_000}
-    assert len(other.ports.gateway.exporter.exports.streams()) == 1
+    assert len(other.built.gateway.exporter.exports.streams()) == 1
     assert other.ports.network.process(Label("pos", ("1",))).running
     pair.specify("0", imports)
     pair.world.run_for(3)
     assert asked() == set()
-    assert not other.ports.gateway.exporter.exports.streams()
+    assert not other.built.gateway.exporter.exports.streams()
     assert not other.ports.network.process(Label("pos", ("1",))).running
     assert not platform.ports.network.process(Label("pos", ("uav1",))).running
 

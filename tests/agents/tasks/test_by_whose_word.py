@@ -284,7 +284,7 @@ def obeyed(platform: Platform) -> Iterator[tuple[str, str, object]]:
     for task, piece in platform.part(AreaAssignment).known.items():
         if piece.leader != platform.unit:
             yield task, piece.leader, ("piece", piece.content.generation)
-    for task, led in platform.ports.tasks.coordinated.items():
+    for task, led in platform.built.tasks.coordinated.items():
         if led.leader != platform.unit:
             yield task, led.leader, ("monitors", led.generation)
 

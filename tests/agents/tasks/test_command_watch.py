@@ -186,7 +186,7 @@ def test_after_a_cut_the_honest_successors_are_no_alarm(three: Box, alone: str) 
     three.run(3.0)
     three.cut({alone}, set("012") - {alone})
     three.run(8.0)
-    assert three.platform(alone).ports.tasks.coordinated.keys() == three.platform("1").ports.tasks.coordinated.keys()
+    assert three.platform(alone).built.tasks.coordinated.keys() == three.platform("1").built.tasks.coordinated.keys()
     three.wire.mend_all()
     three.run(10.0)
     assert [alarms(three, unit, REFUSED) for unit in "012"] == [[], [], []]

@@ -31,7 +31,7 @@ def signed(wire: Box) -> Box:
 
 
 def exported(wire: Box) -> dict[str, tuple[str, ...]]:
-    exports = wire.platform("0").ports.gateway.exporter.exports
+    exports = wire.platform("0").built.gateway.exporter.exports
     return {stream.label: receivers for stream, receivers in exports.streams()}
 
 
@@ -51,12 +51,12 @@ def test_an_export_ends_label_by_label_and_its_task_with_the_last(signed: Box) -
     task = export(signed, "cc", "1")
     assert signed.asked("cc", "0", StopMulticast(semantic_labels=BOTH[:1])).performatives == DONE
     assert exported(signed) == {"heli-altitude": ("1",)}
-    assert [t.conversation for t in signed.platform("0").ports.tasks.all()] == [task.conversation]
+    assert [t.conversation for t in signed.platform("0").built.tasks.all()] == [task.conversation]
     assert signed.asked("cc", "0", StopMulticast(semantic_labels=BOTH)).performatives == DONE
     signed.run(0.5)
     assert exported(signed) == {}
-    assert signed.platform("0").ports.tasks.all() == []
-    assert signed.platform("1").ports.gateway.importer.imports.streams == {}
+    assert signed.platform("0").built.tasks.all() == []
+    assert signed.platform("1").built.gateway.importer.imports.streams == {}
     assert (task.performatives[-1], task.reason) == (P.FAILURE, "cancelled by cc")
 
 
@@ -67,7 +67,7 @@ def test_an_export_ends_for_some_of_its_receivers_or_in_one_conversation(signed:
     assert set(exported(signed).values()) == {("1",)}
     stop = StopMulticast(semantic_labels=BOTH, task=first.conversation)
     assert signed.asked("cc", "0", stop).performatives == DONE
-    assert [t.conversation for t in signed.platform("0").ports.tasks.all()] == [second.conversation]
+    assert [t.conversation for t in signed.platform("0").built.tasks.all()] == [second.conversation]
 
 
 def test_what_another_set_up_only_a_command_centre_ends(signed: Box) -> None:
@@ -86,8 +86,8 @@ def test_a_monitor_is_removed_and_its_inputs_with_it(signed: Box) -> None:
     signed.run(1.0)
     assert signed.asked("cc", "0", RemoveMonitor(name="proximity")).performatives == DONE
     signed.run(2.0)
-    assert signed.platform("0").ports.monitors.named == {}
-    assert signed.platform("1").ports.gateway.exporter.exports.streams() == []
+    assert signed.platform("0").built.monitors.named == {}
+    assert signed.platform("1").built.gateway.exporter.exports.streams() == []
     assert monitor.performatives[-1] is P.FAILURE
 
 
@@ -99,4 +99,4 @@ def test_the_part_of_a_task_is_ended_with_its_task(signed: Box) -> None:
     assert "cancel the task" in refused.reason
     signed.cancel("cc", "0", task.conversation)
     signed.run(2.0)
-    assert signed.platform("1").ports.monitors.named == {}
+    assert signed.platform("1").built.monitors.named == {}

@@ -22,7 +22,7 @@ def end(wire: Box, unit: str, conversation: str) -> None:
     """The platform ends a task that it leads, as one does that turned hostile."""
 
     def ended(platform, now_us):
-        tasks = platform.ports.tasks
+        tasks = platform.built.tasks
         assert tasks.cancel(conversation, now_us) is not None
 
     platform = wire.platform(unit)

@@ -12,7 +12,7 @@ TASK = "cc-1-1.1"
 
 
 def test_a_life_of_tasks_remembers_whose_task_ended_and_forgets_in_the_end(wire: Box, node: Platform) -> None:
-    life, ended = node.ports.tasks, []
+    life, ended = node.built.tasks, []
     evidence = TaskEvidence(TASK, "cc", "1", MonitorProximity(), wire.now_us)
 
     def take_down(now_us: int) -> tuple[str, ...]:

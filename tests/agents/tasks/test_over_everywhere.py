@@ -16,7 +16,7 @@ def test_the_delegate_of_a_task_that_is_over_begins_it_at_no_platform(wire: Box,
     task = wire.asked("cc", "2", MonitorProximity())
     wire.run(2.0)
     evidence = wire.evidence(task.conversation)
-    assert wire.platform("1").ports.monitors.named
+    assert wire.platform("1").built.monitors.named
     wire.cancel("cc", "2", task.conversation)
     wire.run(1.0)
     centre = wire.nodes["cc"].process
@@ -27,4 +27,4 @@ def test_the_delegate_of_a_task_that_is_over_begins_it_at_no_platform(wire: Box,
     refused = wire.shown("2", "1", again, evidence)
     wire.run(5.0)
     assert "cancelled" in refused.reason
-    assert not wire.platform("1").ports.monitors.named
+    assert not wire.platform("1").built.monitors.named

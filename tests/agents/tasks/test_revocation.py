@@ -98,19 +98,19 @@ def test_what_a_revoked_centre_has_delegated_ends_at_its_delegate_and_at_each_pa
     others = fed.asked("cc", "2", MonitorProximity(profile="proximity"))
     fed.run(3.0)
     platforms = [fed.platform(unit) for unit in "012"]
-    assert all(monitored.conversation in each.ports.tasks.coordinated for each in platforms)
+    assert all(monitored.conversation in each.built.tasks.coordinated for each in platforms)
     assert all(divided.conversation in each.part(AreaAssignment).known for each in platforms)
     read(fed, ROSTER.revoked("cd"))
     for each in platforms:
-        assert monitored.conversation not in each.ports.tasks.coordinated
+        assert monitored.conversation not in each.built.tasks.coordinated
         assert not each.part(AreaAssignment).known
         assert not each.part(AreaDivision).areas
-        assert not each.ports.tasks.of("cd")
+        assert not each.built.tasks.of("cd")
     fed.run(30.0)
     for each in platforms:
-        assert list(each.ports.tasks.coordinated) == [others.conversation]
+        assert list(each.built.tasks.coordinated) == [others.conversation]
         assert not each.part(AreaDivision).areas
-    assert exported.conversation not in [each.conversation for each in platforms[2].ports.tasks.all()]
+    assert exported.conversation not in [each.conversation for each in platforms[2].built.tasks.all()]
 
 
 def test_a_monitor_of_a_revoked_delegator_is_not_set_up_with_evidence_that_was_verified(fed: Box) -> None:
@@ -120,7 +120,7 @@ def test_a_monitor_of_a_revoked_delegator_is_not_set_up_with_evidence_that_was_v
     read(fed, ROSTER.revoked("cd"), "0")
     create = CreateMonitor(name="proximity-warn", task=asked.conversation, coordinator="1", generation=1)
     assert code(fed.shown("1", "0", create, evidence)) == "unproven"
-    assert asked.conversation not in fed.platform("0").ports.tasks.coordinated
+    assert asked.conversation not in fed.platform("0").built.tasks.coordinated
 
 
 def test_a_revoked_leader_is_succeeded_by_the_next_of_the_permit(fed: Box) -> None:

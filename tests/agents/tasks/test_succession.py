@@ -72,12 +72,12 @@ def claimed(
 
 def coordination(wire: Box, unit: str, task: Question) -> tuple[str, int, bool]:
     platform: Platform = wire.platform(unit)
-    led = platform.ports.tasks.coordinated[task.conversation]
+    led = platform.built.tasks.coordinated[task.conversation]
     return led.leader, led.generation, platform.part(Coordination).keeps_apart()
 
 
 def watched(wire: Box, unit: str) -> set[tuple[str, str, str]]:
-    named = wire.platform(unit).ports.monitors.named
+    named = wire.platform(unit).built.monitors.named
     return {(name, member, each.monitor.inputs) for name in named for member, each in named[name].instances.items()}
 
 
@@ -108,7 +108,7 @@ def test_a_coordinator_that_is_here_is_not_deposed(three: Box, generation: int) 
 @pytest.mark.parametrize("code", ["led-by", "cancelled"])
 def test_no_participant_ends_a_task_by_how_it_refuses_its_part(three: Box, code: str) -> None:
     task = delegated(three)
-    led = three.platform("0").ports.tasks.coordinated[task.conversation]
+    led = three.platform("0").built.tasks.coordinated[task.conversation]
     reason = Reason(text="led by 2", code=code, leader="2", generation=7)
     three.platform("0").part(Coordination)._declined(led, "2", "monitor", reason, three.now_us)
     three.settle("0")
@@ -146,7 +146,7 @@ def test_a_successor_that_ends_the_task_is_named_to_its_delegator_and_in_the_lis
     three.cut("1", "23")  # 2 takes over for itself and 3, which the delegator still sees
     three.run(8.0)
     assert coordination(three, "3", task) == ("2", 2, True)
-    three.platform("2").ports.tasks.cancel(task.conversation, three.now_us)
+    three.platform("2").built.tasks.cancel(task.conversation, three.now_us)
     three.settle("2")
     three.run(1.0)
     assert watched(three, "3") == set()
@@ -197,7 +197,7 @@ def test_an_alarm_counts_only_from_its_monitor_in_the_task_and_about_its_sender(
 
 def test_an_alarm_counts_only_from_a_participant(three: Box) -> None:
     task = delegated(three)
-    three.platform("0").ports.tasks.coordinated[task.conversation].members.pop("2")
+    three.platform("0").built.tasks.coordinated[task.conversation].members.pop("2")
     assert told(three, task) == []
     assert three.platform("0").ports.agent.audit_log.refused["refused"] == 1
 

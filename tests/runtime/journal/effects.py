@@ -8,7 +8,7 @@ from pathlib import Path
 from typing import Any
 
 from agents.effects import InjectFault, Tell
-from agents.flight.places import FlightLimits, FlightPlan, Waypoint
+from agents.places import FlightLimits, FlightPlan, Waypoint
 from agents.platform import Platform
 from dyknow.model.sample import SURE
 from federation import keys

@@ -5,7 +5,7 @@ from queue import Queue
 import pytest
 from pymavlink.dialects.v20 import all as mavlink
 
-from agents.flight.places import fences_of
+from agents.places import fences_of
 from dyknow.model.errors import Refused
 from navigation.fences import FenceArea, FenceKind
 from navigation.vehicle import FenceReport, Report

@@ -4,7 +4,7 @@ import pytest
 
 from agents.flight.arbiter import Commander
 from agents.flight.errand import OrderProgress
-from agents.flight.places import FlightPlan, Waypoint
+from agents.places import FlightPlan, Waypoint
 from dyknow.model.errors import Refused
 from navigation.vehicle import Arm, GoToOrder, HoldOrder, LandOrder, Order, ReturnHomeOrder, SetGuided, TakeOffOrder
 from sim_uavs.dynamics.flight import Mode

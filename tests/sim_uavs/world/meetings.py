@@ -7,7 +7,7 @@ from random import Random
 from typing import Final, NamedTuple
 
 from agents.config import PlatformConfig
-from agents.flight.places import FlightPlan, Waypoint
+from agents.places import FlightPlan, Waypoint
 from agents.separation.giving_way import GivingWay
 from federation.messages.contents import MonitorProximity
 from federation.messages.dialogue import Dialogue

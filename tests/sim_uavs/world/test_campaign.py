@@ -5,7 +5,7 @@ Twenty seeds, spread over the thousand that `-m full` takes.
 
 import pytest
 
-from agents.flight.places import FlightLimits
+from agents.places import FlightLimits
 from bench.__main__ import measured
 from bench.campaign.drawing import TROUBLES, situation
 from bench.campaign.flying import FRAME, CampaignFlight

@@ -6,7 +6,7 @@ from math import cos, radians, sin
 
 import pytest
 
-from agents.flight.places import FlightLimits
+from agents.places import FlightLimits
 from bench.campaign.running import CampaignRun, run
 from bench.campaign.situations import (
     AUTO_LEAVE,

@@ -52,7 +52,7 @@ def test_whatever_happens_alarms_are_right_and_nothing_stays_open(seed):
         assert [entry.unit for entry in world.nodes[unit].process.member.directory.entries()] == [*UAVS, "cc"], told
     (leader,) = leaders(world)
     for unit in UAVS:
-        over = {(name, m) for name, n in world.platform(unit).ports.monitors.named.items() for m in n.instances}
+        over = {(name, m) for name, n in world.platform(unit).built.monitors.named.items() for m in n.instances}
         others = set(UAVS) - {unit}
         assert over == {(name, m) for name in ("proximity", "proximity-warn") for m in others}, told
     cancel_task(world, "cc", leader, task.conversation)
@@ -192,7 +192,7 @@ def test_skewed_peers_give_no_alarm_and_show_unknown(offset_us):
     world = meeting(3, offset_us)
     for unit, other in (("0", "1"), ("1", "0")):
         assert edges(world, unit) == []
-        for named in world.platform(unit).ports.monitors.named.values():
+        for named in world.platform(unit).built.monitors.named.values():
             assert named.instances[other].monitor.inputs == "missing"
             assert named.instances[other].monitor.shows == "unknown"
 

@@ -80,7 +80,7 @@ def test_when_the_leader_dies_an_heir_leads_on_takes_newcomers_in_and_can_be_can
     assert leaders(world) == ["1"]
     world.restart("3")
     world.run_for(5)
-    over = world.platform("3").ports.monitors.named["proximity"].instances
+    over = world.platform("3").built.monitors.named["proximity"].instances
     assert set(over) >= {"1", "2"}
     assert all(over[unit].monitor.inputs == "fresh" for unit in ("1", "2"))
     cancel_task(world, "cc", "1", task.conversation)
@@ -99,7 +99,7 @@ def test_a_partition_with_two_leaders_heals_to_one():
     world.run_for(8)
     assert len(leaders(world)) == 1
     for unit in "0123":
-        instances = world.platform(unit).ports.monitors.named["proximity"].instances
+        instances = world.platform(unit).built.monitors.named["proximity"].instances
         assert {u: i.monitor.inputs for u, i in instances.items()} == {u: "fresh" for u in "0123" if u != unit}
 
 
@@ -112,7 +112,7 @@ def test_who_delegated_and_was_out_of_sight_for_a_while_finds_the_task_going_on(
     world.heal(["cc"], "012")
     world.run_for(8)
     assert leaders(world) == ["0"]
-    assert all("proximity" in world.platform(unit).ports.monitors.named for unit in "012")
+    assert all("proximity" in world.platform(unit).built.monitors.named for unit in "012")
     cancel_task(world, "cc", "0", task.conversation)
     world.run_for(4)
     assert all(is_down(world.platform(unit)) for unit in "012")

@@ -90,7 +90,7 @@ def test_9_3_3_message_1_create_stream_multicast_exports_to_all_receivers(federa
         assert len(times) >= 4
         assert {b - a for a, b in pairwise(times)} == {2 * SECOND}
         assert all(at % (2 * SECOND) == 0 for at in times)
-    assert federation.platform("a").ports.gateway.importer.imports.streams == {}, "who asked does not receive"
+    assert federation.platform("a").built.gateway.importer.imports.streams == {}, "who asked does not receive"
     assert len({c.put.key for c in federation.wire.log if c.put.key.startswith("x/b/")}) == 1, (
         "one put for all receivers"
     )
@@ -118,7 +118,7 @@ def test_9_3_3_message_2_query_the_latest_value(federation: Box, to: str) -> Non
     (found,) = ask(federation, "b", to).contents
     ((valid_us, latitude),) = values(found)
     assert federation.now_us - EPOCH - valid_us <= 300_000
-    expected = federation.platform(to).ports.gateway.latest("heli-position").value[0]
+    expected = federation.platform(to).built.gateway.latest("heli-position").value[0]
     assert latitude == pytest.approx(expected, abs=1e-6)
 
 
@@ -176,7 +176,7 @@ def test_9_3_3_a_unicast_is_a_multicast_to_one_receiver_translated_with_the_poli
     assert (policy.sample_us, policy.max_delay_us, policy.from_us, policy.to_us) == (SECOND, SECOND, 0, None)
     asked = CreateMulticast(semantic_labels=("heli-position",), sample_period_s=1.0, delay_s=1.0, to_units=("b",))
     assert federation.asked("c", "a", asked).performatives == [P.AGREE, P.INFORM]
-    ((stream, receivers),) = a.ports.gateway.exporter.exports.streams()
+    ((stream, receivers),) = a.built.gateway.exporter.exports.streams()
     assert (stream.label, stream.policy_hash, receivers) == ("heli-position", policy.content_hash(), ("b",))
     federation.run(3.0)
     imported = federation.platform("b").ports.network.generator(Label.parse("heli-position[a]")).history
@@ -188,27 +188,27 @@ def test_9_3_3_a_unicast_is_a_multicast_to_one_receiver_translated_with_the_poli
 
 def test_9_3_3_create_stream_multicast_is_unicast_to_each_receiver_with_one_stream(federation: Box) -> None:
     a = federation.platform("a")
-    first = a.ports.gateway.create_stream_multicast("heli-position", stream_policy(1.0, 1.0), ["b", "c"], "contract-1")
-    again = a.ports.gateway.create_stream_multicast("heli-position", stream_policy(1.0, 1.0), ["d"], "contract-2")
-    other = a.ports.gateway.create_stream_multicast("heli-position", stream_policy(2.0, 1.0), ["d"], "contract-3")
+    first = a.built.gateway.create_stream_multicast("heli-position", stream_policy(1.0, 1.0), ["b", "c"], "contract-1")
+    again = a.built.gateway.create_stream_multicast("heli-position", stream_policy(1.0, 1.0), ["d"], "contract-2")
+    other = a.built.gateway.create_stream_multicast("heli-position", stream_policy(2.0, 1.0), ["d"], "contract-3")
     assert first == again != other
-    assert [receivers for _, receivers in a.ports.gateway.exporter.exports.streams()] == [("b", "c", "d"), ("d",)]
+    assert [receivers for _, receivers in a.built.gateway.exporter.exports.streams()] == [("b", "c", "d"), ("d",)]
     a.part(FederationAgent).end_exports(["contract-1", "contract-2", "contract-3"], federation.now_us)
     federation.settle("a")
-    assert a.ports.gateway.exporter.exports.streams() == []
+    assert a.built.gateway.exporter.exports.streams() == []
 
 
 def test_9_3_3_start_exporting_pushes_each_new_sample(federation: Box) -> None:
     a = federation.platform("a")
     local = Label.parse("heli-altitude[a]")
-    a.ports.gateway.exporter.start_exporting(local, "heli-altitude", ["b"], stream_policy(0.1, 1.0), "contract-1")
+    a.built.gateway.exporter.start_exporting(local, "heli-altitude", ["b"], stream_policy(0.1, 1.0), "contract-1")
     since_us = federation.now_us
     federation.run(1.0)
     puts = [c for c in federation.wire.log if c.at_us > since_us and c.put.key.startswith("x/a/heli-altitude/")]
     assert len(puts) == 10
     assert isinstance(puts[0].put, Put)
     with pytest.raises(UnknownLabel):
-        a.ports.gateway.exporter.start_exporting(Label.parse("nothing[a]"), "battery", ["b"], stream_policy(1, 1), "c2")
+        a.built.gateway.exporter.start_exporting(Label.parse("nothing[a]"), "battery", ["b"], stream_policy(1, 1), "c2")
     a.part(FederationAgent).end_exports(["contract-1"], federation.now_us)
     federation.settle("a")
 
@@ -221,7 +221,7 @@ def test_9_3_3_a_receiver_that_is_gone_or_slow_harms_no_other(federation: Box) -
     federation.freeze("d")
     federation.run(5.0)
     (account,) = [
-        found.stream.account for found in federation.platform("c").ports.gateway.importer.imports.streams.values()
+        found.stream.account for found in federation.platform("c").built.gateway.importer.imports.streams.values()
     ]
     assert account.received >= 49
     assert account.lost == 0
@@ -235,14 +235,14 @@ def test_9_3_3_push_translates_the_label_and_makes_a_source_at_the_first_sample(
     federation.run(1.0 - (federation.now_us - EPOCH) % SECOND / SECOND + 0.1)  # the next sample is 0.9 s away
     asked = CreateMulticast(semantic_labels=("heli-altitude",), sample_period_s=1.0, delay_s=1.0, to_units=("c",))
     federation.asked("a", "b", asked)
-    assert c.ports.gateway.importer.imports.streams
+    assert c.built.gateway.importer.imports.streams
     assert not c.ports.network.has(local)
     while not c.ports.network.has(local):
         federation.run(0.05)
     (first,) = c.ports.network.generator(local).history.get_between(0, federation.now_us)
     assert first.value == (pytest.approx(101.0, abs=0.3),)
     assert first.valid_us % SECOND == 0
-    assert c.ports.gateway.latest("heli-altitude", "b").valid_us == first.valid_us
+    assert c.built.gateway.latest("heli-altitude", "b").valid_us == first.valid_us
 
 
 def test_9_3_3_semantic_labels_are_translated_by_each_platform_on_its_own(wire: Box) -> None:
@@ -261,10 +261,10 @@ def test_9_3_3_semantic_labels_are_translated_by_each_platform_on_its_own(wire: 
         )  # fmt: skip
     wire.run(2.0)
     a, b = wire.platform("a"), wire.platform("b")
-    own = a.ports.network.generator(a.ports.gateway.local("heli-altitude")).history.get_latest().value[0]
+    own = a.ports.network.generator(a.built.gateway.local("heli-altitude")).history.get_latest().value[0]
     assert own == pytest.approx(100.0 / 0.3048, abs=0.5), "feet inside"
-    assert str(a.ports.gateway.local("heli-altitude", "b")).startswith("height_ft")
-    assert a.ports.network.generator(a.ports.gateway.local("heli-altitude", "b")).history.get_latest().value[
+    assert str(a.built.gateway.local("heli-altitude", "b")).startswith("height_ft")
+    assert a.ports.network.generator(a.built.gateway.local("heli-altitude", "b")).history.get_latest().value[
         0
     ] == pytest.approx(200.0 / 0.3048, abs=0.5)
     assert b.ports.network.generator(Label.parse("heli-altitude[a]")).history.get_latest().value[0] == pytest.approx(
@@ -301,7 +301,7 @@ def test_9_3_4_a_node_is_added_by_registering_its_federation_service(federation:
     assert ("service-appeared", "e", "dyknow-federation") in told
     assert ("label-appeared", "e", "heli-position") in told
     assert federation.samples("e") == 0, "no information is yet shared"
-    assert federation.platform("e").ports.gateway.importer.imports.streams == {}
+    assert federation.platform("e").built.gateway.importer.imports.streams == {}
 
 
 def test_9_3_4_a_node_is_removed_by_unregistering_and_is_told_of(federation: Box) -> None:
@@ -322,7 +322,7 @@ def test_9_3_4_streams_to_and_from_a_node_that_left_remain_active(federation: Bo
     federation.asked("cc", "d", Leave())
     federation.run(15.0)
     for unit, other in (("a", "d"), ("d", "a")):
-        newest = federation.platform(unit).ports.gateway.latest("heli-position", other)
+        newest = federation.platform(unit).built.gateway.latest("heli-position", other)
         assert federation.now_us - newest.valid_us < 400_000, f"{unit} still hears {other}"
 
 
@@ -393,6 +393,6 @@ def test_9_3_4_an_imported_stream_is_a_source_like_a_sensor(federation: Box) -> 
     assert {y.valid_us - x.valid_us for x, y in pairwise(heard)} == {500_000}
     assert heard[-1].value == (pytest.approx(101.0, abs=0.3),)
     with pytest.raises((ValueNotAvailable, UnknownLabel)):
-        a.ports.gateway.latest("heli-altitude", "c")
+        a.built.gateway.latest("heli-altitude", "c")
     with pytest.raises(Refused):
-        a.ports.gateway.at("heli-altitude", federation.now_us + SECOND, federation.now_us, "b")
+        a.built.gateway.at("heli-altitude", federation.now_us + SECOND, federation.now_us, "b")

@@ -37,7 +37,7 @@ def said(wire: Box, sender: str, receiver: str, head: str) -> list[Act]:
 
 
 def inputs(wire: Box, unit: str, monitor: str = "proximity") -> dict[str, str]:
-    named = wire.platform(unit).ports.monitors.named[monitor]
+    named = wire.platform(unit).built.monitors.named[monitor]
     return {member: instance.monitor.inputs for member, instance in named.instances.items()}
 
 
@@ -48,7 +48,7 @@ def test_figure_9_4_the_command_centre_delegates_to_platform_0_which_accepts(wir
     assert (request.performative, str(request.receiver)) == (P.REQUEST, "interface@0")
     assert question.performatives[0] is P.AGREE
     assert wire.platform("0").part(Admission).table.of("monitor-proximity", P.REQUEST)[0].agent == "coordination"
-    asked = [task for task in wire.platform("0").ports.tasks.all() if task.initiator == "cc"]
+    asked = [task for task in wire.platform("0").built.tasks.all() if task.initiator == "cc"]
     assert [task.name for task in asked] == ["monitor-proximity"]
 
 
@@ -62,7 +62,7 @@ def test_figure_9_5_step_2_platform_0_has_platform_1_multicast_what_the_formula_
 def test_figure_9_5_step_3_platform_0_multicasts_its_own_streams_to_platform_1(wire: Box) -> None:
     scenario(wire)
     streams = {
-        (stream.label, receivers) for stream, receivers in wire.platform("0").ports.gateway.exporter.exports.streams()
+        (stream.label, receivers) for stream, receivers in wire.platform("0").built.gateway.exporter.exports.streams()
     }
     assert streams == {(label, ("1",)) for label in ("heli-position", "heli-altitude", "heli-velocity", "intent")}
     assert {a.performative for a in said(wire, "0", "1", "stream")} == {P.INFORM}
@@ -72,10 +72,10 @@ def test_figure_9_5_steps_4_and_6_the_streams_flow_from_instance_to_instance(wir
     scenario(wire)
     for unit, other in (("0", "1"), ("1", "0")):
         platform = wire.platform(unit)
-        assert {(owner, label) for owner, label, _ in platform.ports.gateway.importer.imports.streams} == {
+        assert {(owner, label) for owner, label, _ in platform.built.gateway.importer.imports.streams} == {
             (other, label) for label in ("heli-position", "heli-altitude", "heli-velocity", "intent")
         }
-        newest = platform.ports.gateway.latest("heli-position", other)
+        newest = platform.built.gateway.latest("heli-position", other)
         assert wire.now_us - newest.valid_us < 300_000
 
 
@@ -85,7 +85,7 @@ def test_figure_9_6_steps_1_to_3_a_proximity_monitor_is_delegated_to_each_platfo
     assert [content.name for content in asked if isinstance(content, CreateMonitor)] == ["proximity", "proximity-warn"]
     assert all(content.coordinator == "0" for content in asked if isinstance(content, CreateMonitor))
     for unit in "01":
-        assert set(wire.platform(unit).ports.monitors.named) == {"proximity", "proximity-warn"}
+        assert set(wire.platform(unit).built.monitors.named) == {"proximity", "proximity-warn"}
 
 
 def test_figure_9_6_steps_4_and_6_each_platform_monitors_itself_against_each_other(wire: Box) -> None:
@@ -172,7 +172,7 @@ def test_9_4_1_a_platform_that_dies_is_missing_and_one_that_leaves_is_no_member(
     wire.leave("3")
     wire.run(4.0)
     assert inputs(wire, "0") == {"1": "fresh", "2": "missing"}
-    shown = wire.platform("0").ports.monitors.named["proximity"].instances["2"].monitor.shows
+    shown = wire.platform("0").built.monitors.named["proximity"].instances["2"].monitor.shows
     assert shown == "unknown", "never safe"
 
 
@@ -206,8 +206,8 @@ def test_cancel_takes_down_everything_the_task_set_up(wire: Box) -> None:
     assert isinstance(question.contents[-1], Done)
     for unit in "012":
         platform = wire.platform(unit)
-        assert platform.ports.monitors.named == {}
-        assert platform.ports.gateway.exporter.exports.streams() == []
-        assert platform.ports.gateway.importer.imports.streams == {}
-        assert platform.ports.tasks.all() == []
+        assert platform.built.monitors.named == {}
+        assert platform.built.gateway.exporter.exports.streams() == []
+        assert platform.built.gateway.importer.imports.streams == {}
+        assert platform.built.tasks.all() == []
         assert platform.ports.agent.conversations.conversations() == []

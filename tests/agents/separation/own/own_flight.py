@@ -3,7 +3,7 @@
 import pytest
 
 from agents.flight.pilot import Pilot
-from agents.flight.places import FlightPlan, Waypoint
+from agents.places import FlightPlan, Waypoint
 from agents.separation.own_intent import OwnIntent
 from agents.separation.records import INTENT, intent_of, intent_value
 from dyknow import Sample

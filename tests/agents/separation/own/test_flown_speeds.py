@@ -1,6 +1,6 @@
 """How fast the own vehicle flies its way: what is seen, and what its parameters say while it gains speed."""
 
-from agents.flight.places import Fix
+from agents.places import Fix
 from agents.separation.flown_speeds import FlownSpeeds
 from navigation.cruise import CruiseReport
 

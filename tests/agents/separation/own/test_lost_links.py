@@ -2,7 +2,7 @@
 
 import pytest
 
-from agents.flight.places import FlightPlan, Waypoint
+from agents.places import FlightPlan, Waypoint
 from navigation.geodesy import distance_m
 from navigation.intents.intent import (
     Contingency,

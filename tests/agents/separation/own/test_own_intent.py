@@ -3,7 +3,7 @@
 import pytest
 
 from agents.flight.pilot import Pilot
-from agents.flight.places import FlightPlan
+from agents.places import FlightPlan
 from agents.separation.own_intent import AHEAD_S, OwnIntent
 from navigation.geodesy import distance_m
 from navigation.intents.intent import (

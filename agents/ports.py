@@ -1,0 +1,203 @@
+"""What the parts of a platform are built of: ports to the platform, and other parts.
+
+A part is built by its class, called with both. What is built of the same two and is no part (a gateway, the pilot) has a
+class method `of`. Each is made when it is first asked for, once.
+"""
+
+from collections.abc import Callable, Mapping, Sequence
+from collections.abc import Set as AbstractSet
+from dataclasses import dataclass
+from functools import cached_property
+from typing import Protocol, TypeAlias, TypeVar
+
+from agents.actions import ROLES, Role
+from agents.audit_log import AuditLog
+from agents.config import PlatformConfig
+from agents.containment import Containment
+from agents.effects import Effect
+from agents.interface import InterfaceAgent
+from agents.part import Part, PeerChange
+from dyknow import Label, Network
+from federation.members.clock import Offset
+from federation.members.directory import DirectoryFacilitator
+from federation.members.imports import Imports
+from federation.members.member import Member, MemberAgents
+from federation.members.offers import Service
+from federation.members.offsets import ClockOffsets
+from federation.messages.descriptions import ConditionEntry, LabelEntry
+from federation.shares import ActLimits, MemberShare
+from federation.sharing.exports import Exports
+from federation.sharing.translation import Convert, Translation
+from federation.transport import Reopen, WireEffect
+from kpl import Instance
+from navigation.geodesy import LocalFrame
+from reasoning import AlarmEvent
+
+T = TypeVar("T")
+Needs: TypeAlias = Mapping[str, AbstractSet[tuple[str, int, int]]]
+"""By unit: semantic label, period and delay of each stream that is needed of it."""
+
+
+class PartsAbove(Protocol):
+    """What parts give to parts that are built before them, or that they are built of."""
+
+    @property
+    def lasting(self) -> frozenset[str]:
+        """The heads of requests that live until they are cancelled."""
+
+    def offer(self, at_us: int) -> None:
+        """Tell the directory that labels or conditions of a part have changed, at a time (node clock)."""
+
+    def offered(self) -> Sequence[Service]:
+        """The services of all parts, as a description lists them."""
+
+    def handling(self) -> Sequence[Part]:
+        """The parts whose actions can be asked for."""
+
+    def on_moved(self, at_us: int) -> None:
+        """An estimate of where the vehicle is was made (node clock)."""
+
+    def on_own_alarm(self, event: AlarmEvent) -> None:
+        """A monitor of this platform has raised an alarm, or ended it."""
+
+    def origin(self) -> LocalFrame | None:
+        """The origin of places on the ground: that of cameras, or the home of the vehicle, once it is known."""
+
+    def instance(self) -> Instance:
+        """The specification as it runs."""
+
+    def source(self) -> Callable[[str, str], tuple[Label, Convert]]:
+        """(semantic label, unit) -> the local label of that stream, declared if need be, and how its values become semantic."""
+
+    def declared(self) -> Callable[[str, str], Label]:
+        """(unit, label as text) -> the stream of the instance that the unit may ask for."""
+
+    def monitored(self) -> Callable[[], Needs]:
+        """The streams of others that monitors need."""
+
+
+@dataclass(eq=False)
+class Ports:
+    """The platform as its parts see it.
+
+    Attributes:
+        emit: takes an effect; note: words for users; refuse: counts what is dropped, by reason.
+       on_peer, on_alarm: tell all parts of a change of a peer, of an alarm.
+        services, labels, conditions: what all parts offer and show.
+        now_us: the node clock of the present step.
+        contain: what becomes of what a part raises.
+        above: what parts give to others that are built before them.
+    """
+
+    config: PlatformConfig
+    started_us: int
+    emit: Callable[[Effect], None]
+    note: Callable[[str], None]
+    refuse: Callable[[str], None]
+    on_peer: Callable[[PeerChange, int], None]
+    on_alarm: Callable[[AlarmEvent], None]
+    services: Callable[[], Sequence[Service]]
+    labels: Callable[[], Sequence[LabelEntry]]
+    conditions: Callable[[], Sequence[ConditionEntry]]
+    now_us: Callable[[], int]
+    contain: Containment
+    above: PartsAbove
+
+    def __post_init__(self) -> None:
+        config = self.config
+        self.unit, self.boot, self.clock = config.unit, config.boot, config.clock
+        self.ontology = config.ontology.copy()  # a specification adds to it
+        self.network, self.may_avoid = Network(), config.avoidance
+        self.network.instant.contain = self.contain.stream_out_us
+        above = self.above
+        self.offer, self.offered, self.handling = above.offer, above.offered, above.handling
+        self.on_moved, self.on_own_alarm, self.origin = above.on_moved, above.on_own_alarm, above.origin
+        self.instance, self.source = above.instance, above.source
+        self.declared, self.monitored = above.declared, above.monitored
+
+    @cached_property
+    def agent(self) -> InterfaceAgent:
+        config, audit_log = self.config, AuditLog()
+
+        def emit(effect: WireEffect) -> None:
+            if isinstance(effect, Reopen):
+                self.note(f"opens a new session: {effect.why}")
+            self.emit(effect)
+
+        def member(agents: MemberAgents) -> Member:
+            return Member(
+                self.unit, self.boot, self.started_us, agents, audit_log.enter, emit,
+                kind="uav", zid=config.zid, clock=self.clock, trust=config.trust, tails=self.exports.tails,
+            )  # fmt: skip
+
+        return InterfaceAgent(member, self.above.lasting, audit_log, self.on_peer, self.contain)
+
+    @property
+    def member(self) -> Member:
+        return self.agent.member
+
+    @property
+    def directory(self) -> DirectoryFacilitator:
+        return self.member.directory
+
+    @cached_property
+    def limits(self) -> ActLimits:
+        return ActLimits(rate_per_s=self.config.acts_per_s, burst=self.config.acts_burst)
+
+    def role_of(self, peer: str) -> Role:
+        """Without a roster everybody may command; with one, a unit that is no member, or no longer, may nothing."""
+        trust = self.config.trust
+        if trust is None:
+            return Role.COMMAND_CENTRE
+        member = trust.roster.member(peer)
+        return Role.REVOKED if member is None or member.revoked else ROLES[member.role]
+
+    @property
+    def share_of(self) -> Callable[[str], MemberShare]:
+        """The member whose quota a unit uses, and how many shares of it that member has."""
+        return self.agent.acts.share_of
+
+    @property
+    def offsets(self) -> ClockOffsets:
+        return self.member.offsets
+
+    @property
+    def offset_of(self) -> Callable[[str], Offset | None]:
+        return self.offsets.last
+
+    @cached_property
+    def translation(self) -> Translation:
+        own = self.config.translation
+        return Translation(self.ontology) if own is None else own.over(self.ontology)
+
+    @property
+    def stopwatch(self) -> Callable[[], int] | None:
+        """Federation time within a step; None: time is simulated."""
+        return self.config.stopwatch
+
+    @property
+    def imports(self) -> Imports:
+        return self.member.imports
+
+    @cached_property
+    def exports(self) -> Exports:
+        return Exports(self.unit, self.boot, self.clock.wall_us)
+
+    @property
+    def camera_frame(self) -> LocalFrame | None:
+        return None if self.config.cameras is None else self.config.cameras.frame
+
+
+class PartRegistry:
+    """What was built so far: `parts[TaskLife]` is the part of that class."""
+
+    def __init__(self) -> None:
+        self.ports: Ports
+        self._made: dict[object, object] = {}
+
+    def __getitem__(self, make: Callable[[Ports, "PartRegistry"], T]) -> T:
+        """What `make` makes, made now if it was not before."""
+        found = self._made.get(make)
+        if found is None:
+            found = self._made[make] = make(self.ports, self)
+        return found  # type: ignore[return-value]
