@@ -16,7 +16,7 @@ HEADLESS = {
     "docs": 429,
     "dyknow": 136,
     "federation": 218,
-    "kpl": 293,
+    "kpl": 11,
     "navigation": 89,
     "planning": 176,
     "proxies": 109,
