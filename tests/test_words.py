@@ -18,9 +18,9 @@ HEADLESS = {
     "federation": 218,
     "kpl": 10,
     "navigation": 89,
-    "planning": 176,
+    "planning": 15,
     "proxies": 109,
-    "reasoning": 116,
+    "reasoning": 0,
     "runtime": 177,
     "sim_uavs": 133,
 }

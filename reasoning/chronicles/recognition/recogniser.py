@@ -1,7 +1,7 @@
 """Recognition of many chronicles over one stream of events, online (thesis 8.4).
 
-The clock is in ms and moves with the events and with `on_time`. Whatever is recognised is returned by the call that
-made it certain, with the clock at which it was: when an event comes, what was due before is reported first. A recognised
+The clock is in ms and moves with the events and with `on_time`. Instances are returned by the call that made them
+certain, with the clock of that: when an event comes, instances that were due before it are reported first. A recognised
 chronicle is an event of others at that clock (8.2).
 """
 
@@ -104,7 +104,7 @@ class Recogniser:
             ChronicleError: a name is not declared, or a chronicle cannot be recognised (`compile_chronicle`).
         """
         wanted, compiled = list(file.chronicles if names is None else names), dict[str, Compiled]()
-        for name in wanted:  # which grows by what these stand on
+        for name in wanted:  # grows by the chronicles that these use
             if name not in file.chronicles:
                 known = ", ".join(file.chronicles) or "none"
                 raise ChronicleError(f"no chronicle is called {name}; declared: {known}")
@@ -174,7 +174,7 @@ class Recogniser:
         return self._advance(now_ms) or []
 
     def _advance(self, at_ms: int) -> list[ChronicleInstance] | None:
-        """Move the clock; what was due by then. None if the time cannot be taken."""
+        """Move the clock; returns the instances due by then. None if the time cannot be taken."""
         clock_ms = self.clock_ms
         if clock_ms is None or at_ms > clock_ms:
             if not -LIMIT_MS <= at_ms <= LIMIT_MS:
@@ -192,7 +192,7 @@ class Recogniser:
         return None
 
     def _due(self, at_ms: int) -> list[ChronicleInstance]:
-        """What waits for a clock until `at_ms`, one clock after the other: what is recognised at one may be an event there."""
+        """Step the clock to each deadline until `at_ms`: an instance recognised at one may be an event there."""
         told: list[ChronicleInstance] = []
         while self._deadline_ms is not None and self._deadline_ms <= at_ms:
             self.clock_ms = due_ms = self._deadline_ms
@@ -239,7 +239,7 @@ class Recogniser:
         return more
 
     def _events_of(self, matcher: Matcher, found: list[ChronicleInstance]) -> Events:
-        """What was recognised as events, where it is one: once for the same parameters."""
+        """Recognised instances as events of other chronicles, once for the same parameters."""
         if matcher.compiled.name not in self._heard:
             return []
         events = dict.fromkeys(matcher.parameters(instance) for instance in found)
@@ -248,7 +248,7 @@ class Recogniser:
 
     @property
     def chronicles(self) -> tuple[Compiled, ...]:
-        """What is recognised."""
+        """The chronicles of this recogniser."""
         return tuple(matcher.compiled for matcher in self._matchers)
 
     @property
@@ -269,7 +269,8 @@ class Recogniser:
     def partial_instances(
         self, limit: int = 1000, chronicle: str | None = None, tried: int = LIMIT_TRIED
     ) -> Iterator[Partial]:
-        """What may become an instance, chronicle by chronicle: what is matched, and when it is given up at the latest.
+        """Partial instances, chronicle by chronicle: the matched events, and the latest clock at which each is given
+        up.
 
         Args:
             limit: most that are made.

@@ -3,7 +3,7 @@
 For one event the minimal network gives windows for all other instants, and predicates that have failed already narrow
 them: a `noevent` that begins no later than h has been broken by an event at b >= h, so its end is not after b. If no
 window reaches the present, or one has passed without an event in it, the event is dead: it is dominated by those that
-came later. Whatever is not decided so is kept; forgetting never loses an instance.
+came later. Events without such a proof are kept; forgetting never loses an instance.
 """
 
 from bisect import bisect_left, bisect_right
@@ -49,7 +49,7 @@ class _Other(NamedTuple):
 
     Attributes:
         key: picks what of its key is known.
-        keys: its keys by what is known; None: the key is known whole.
+        keys: its keys by their known part; None: the whole key is known.
         limits: predicates that both events together give all variables to.
     """
 
@@ -93,7 +93,7 @@ class Retention:
         ]
 
     def dooms(self, pattern: int) -> tuple[Doom, ...]:
-        """What an event of a pattern dooms."""
+        """The dooms of events of a pattern."""
         return tuple(
             doom
             for count in self._limits
@@ -163,7 +163,9 @@ class Retention:
             self._oldest[instant] = min(ages)
 
     def kept(self, pattern: int, key: Key, clock_ms: int) -> list[bool]:
-        """For each event of a key whether it is still needed; what has the clock's time is, to know it from a repeat."""
+        """For each event of a key whether it is still needed; an event at the clock's time is, to recognise a
+        repeat.
+        """
         times = self._stores[pattern].buckets[key].times
         since = min((self._since(node, key, clock_ms) for node in self._counts[pattern]), default=clock_ms)
         since = min(since, clock_ms)
@@ -189,7 +191,7 @@ class Retention:
         return any(store.initial for store in self._stores)
 
     def _start(self, count: CountNode, start: int, key: Key, clock_ms: int) -> int:
-        """The earliest time that the begin of an interval can have, by what is remembered."""
+        """The earliest possible begin of an interval, by the remembered events."""
         latest = -UNBOUNDED
         mine = self._compiled.patterns[count.pattern].variables
         for node in self._compiled.events:
@@ -211,7 +213,7 @@ class Retention:
         low = [time_ms + one for one in (asked.low_initial if initial else asked.low)]
         high = [time_ms + one for one in (asked.high_initial if initial else asked.high)]
         windows = Windows(low, high)
-        for count, part in asked.limits * 2:  # what one narrows, another may narrow further
+        for count, part in asked.limits * 2:  # a count narrowed by one limit may be narrowed further by another
             bucket = self._stores[count.pattern].buckets.get(part(key))
             if bucket is not None:
                 self._narrow(windows, count, bucket.times)
