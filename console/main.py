@@ -106,7 +106,7 @@ COMMANDS: CommandTable = {
     "roster revoke": (f"{_FLEET}.roster:revoke", "Mark a platform as no longer trusted."),
     "roster show": (f"{_FLEET}.roster:show", "The members of a roster."),
 }
-"""Every command: what it is called, `module:function`, and one sentence for the list in the help."""
+"""Every command: its name, `module:function`, and one sentence for the list in the help."""
 
 
 class _Dyknow(CommandGroup):
@@ -116,7 +116,7 @@ class _Dyknow(CommandGroup):
         super().__init__(table=COMMANDS, **options)
 
     def resolve_command(self, ctx: Any, args: list[str]) -> Any:
-        """The command that is called; one that is not ours may be an extension's."""
+        """The called command; an unknown one may be an extension's."""
         if args[0] not in self.table:
             self._extend(ctx, args)
         return super().resolve_command(ctx, args)

@@ -1,5 +1,4 @@
-"""What a platform keeps of what it learns, in files.
+"""Learnt knowledge of a platform, in files.
 
-One file for each stream of beliefs, read when the platform starts.
-What is in them is read by the platform itself.
+One file for each stream of beliefs, read when the platform starts. The platform itself reads their contents.
 """

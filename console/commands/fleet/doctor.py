@@ -1,4 +1,4 @@
-"""`dyknow doctor`: what this machine lacks, and how to get it."""
+"""`dyknow doctor`: dependencies that this machine lacks, and how to get them."""
 
 import contextlib
 import os

@@ -38,12 +38,13 @@ class FleetStart:
 
     Attributes:
         notes: which platforms noted it, by text.
-        rejected: why platforms run nothing of what they were to run, by unit; not of those that wait for a host.
+        rejected: why platforms run nothing of their specification, by unit; platforms that wait for a host are left
+            out.
 
     Args:
         units: the platforms that start.
-        present: those that run already.
-        specified: those that start with a specification, which they take or reject.
+        present: the platforms that run already.
+        specified: the platforms that start with a specification, which they take or reject.
     """
 
     def __init__(self, units: Iterable[str], present: Iterable[str] = (), specified: Iterable[str] = ()) -> None:
@@ -169,7 +170,7 @@ def up(
 
 
 def default_specification(scenario: str) -> UnitFile | None:
-    """What platforms of a scenario derive where nothing else is given; None: nothing."""
+    """The ready specification of a scenario, for platforms that are given no other; None: there is none."""
     from sim_uavs.monitoring.specifications import READY
 
     ready = READY.get(scenario)
@@ -250,7 +251,7 @@ def gathered(call: Call, fleet: Fleet, configs: list[NodeConfig], present: Itera
 
 
 def _say_present(call: Call, present: list[str]) -> None:
-    """All that was asked for runs."""
+    """Report that all requested platforms run already."""
     call.out.say(
         f"platforms {', '.join(present)} run already, nothing is missing; dyknow down ends them.",
         event="running",

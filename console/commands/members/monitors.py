@@ -1,4 +1,4 @@
-"""`dyknow monitors`: what is watched, in a line for each kind of monitor, or monitor by monitor."""
+"""`dyknow monitors`: the monitors, in a line for each kind, or one by one."""
 
 from typing import Annotated, Any
 
@@ -97,7 +97,9 @@ def _monitor_row(monitor: MonitorEntry, now_us: int) -> tuple[Shown, ...]:
 
 
 def _show_kind(call: Call, name: str, found: list[MonitorEntry]) -> None:
-    """`proximity: 42 ok, 14 unknown (3)`: how many show what; those that are not ok with the platforms concerned."""
+    """`proximity: 42 ok, 14 unknown (3)`: the number of monitors in each state; for states other than ok with the
+    platforms concerned.
+    """
     counts: list[Shown] = []
     shows = sorted({one.shows for one in found}, key=lambda word: (*_ORDER, word).index(word))
     for word in shows:

@@ -1,4 +1,4 @@
-"""`dyknow explain` and `dyknow events`: what happened to the objects that platforms see, and the reasons."""
+"""`dyknow explain` and `dyknow events`: the events of objects that platforms see, and the reasons."""
 
 from collections.abc import Iterable
 from datetime import UTC, datetime
@@ -66,7 +66,7 @@ def events(
             if not follow:
                 break
             told = {each for each in {*told, *found} if since_us is None or each[1].at_us > since_us}
-            if found:  # what becomes known late is asked for again
+            if found:  # events that become known late are requested again
                 since_us = max(since_us or 0, found[-1][1].at_us - 10 * US_PER_S)
             client.wait_for(lambda: False, EVERY_S)
     if not found:

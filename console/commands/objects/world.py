@@ -1,4 +1,4 @@
-"""`dyknow world`: what exists, and how sure that is, from recorded observations."""
+"""`dyknow world`: the objects that exist, with degrees of belief, from recorded observations."""
 
 from pathlib import Path
 from typing import Annotated

@@ -1,4 +1,4 @@
-"""`dyknow info`: what is in a recording of a federation."""
+"""`dyknow info`: the contents of a recording of a federation."""
 
 from datetime import timedelta
 from pathlib import Path
@@ -104,7 +104,7 @@ def _show_alarms(call: Call, found: RecordingSummary) -> None:
 
 
 def _show_missing(call: Call, found: RecordingSummary) -> None:
-    """What the recording lacks, in words: each loss is counted and shown."""
+    """Print the gaps of the recording in words: each loss is counted and shown."""
     if not found.is_whole:
         call.out.note(
             "it was not ended, as by a crash; --mended NEW.mcap gives what can be read an index.", style="yellow"

@@ -1,4 +1,4 @@
-"""`dyknow ontology`: what semantic labels mean, in a file, or to the platforms of a federation."""
+"""`dyknow ontology`: the meanings of semantic labels, in a file, or to the platforms of a federation."""
 
 from pathlib import Path
 from typing import Annotated, TypeAlias

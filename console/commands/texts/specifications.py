@@ -228,7 +228,7 @@ def held(
 
 
 def _picture(unit: str, text: str) -> str:
-    """What a platform runs is drawn here, of what it says about that."""
+    """Draw a platform's network from its own description."""
     from kpl.introspection.drawings import graph_of_json
     from kpl.introspection.picture import as_svg
 
