@@ -1,4 +1,6 @@
-"""Road networks to simulate, as GeoJSON in a local frame: what `anchoring.roads` reads, and users can write themselves."""
+"""Road networks to simulate, as GeoJSON in a local frame, which `anchoring.roads` reads and users can write
+themselves.
+"""
 
 import json
 from collections.abc import Callable, Iterable, Mapping

@@ -1,1 +1,3 @@
-"""The lists of an autopilot, read by the mission protocol: its mission and its fence, item by item, and what they mean here."""
+"""The lists of an autopilot, read by the mission protocol: its mission and its fence, item by item, with their
+meaning.
+"""
