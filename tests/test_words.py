@@ -15,7 +15,7 @@ HEADLESS = {
     "console": 58,
     "docs": 429,
     "dyknow": 70,
-    "federation": 218,
+    "federation": 2,
     "kpl": 10,
     "planning": 15,
     "proxies": 3,
