@@ -9,7 +9,7 @@ LIMIT = 60
 HEADLESS = {
     "ARCHITECTURE.md": 59,
     "README.md": 13,
-    "agents": 509,
+    "agents": 352,
     "anchoring": 8,
     "compunits": 1,
     "console": 58,
