@@ -14,7 +14,7 @@ HEADLESS = {
     "compunits": 1,
     "console": 58,
     "docs": 429,
-    "dyknow": 70,
+    "dyknow": 6,
     "federation": 2,
     "kpl": 10,
     "planning": 15,
