@@ -267,9 +267,7 @@ class LinkReport(NamedTuple):
 
 
 class StationReport(NamedTuple):
-    """The activity of a ground station to which the vehicle is forwarded, in words; `commands`: it has changed the
-    mode, or flies by remote control.
-    """
+    """The activity of a ground station on a forwarded link; `commands`: it changed the mode, or flies the vehicle."""
 
     valid_us: int
     commands: bool

@@ -282,9 +282,7 @@ class FormulaStates:
         }
 
     def _subscribe(self, begins_us: int) -> None:
-        """Subscribe the streams that the formula reads from a valid time on; states before it still use the earlier
-        ones.
-        """
+        """Subscribe the formula's streams from a valid time on; states before it still use the earlier ones."""
         members = self._domains_at(FAR_US)
         try:
             labels = required_labels(self._formula, members)

@@ -289,9 +289,7 @@ class Instance:
             self.hooks.on_output(name, sample)
 
     def _affected(self, changed: Sequence[spec.Declaration]) -> Iterator[spec.Declaration]:
-        """Declarations that stay and are made again: streams of another sort now, shared streams under another
-        label.
-        """
+        """Declarations that stay and are made again: streams of another sort, shared streams under another label."""
         yield from self.parts.of_other_sorts(changed)
         for each in changed:
             if isinstance(each, spec.LabelDeclaration):

@@ -212,8 +212,7 @@ class LabelDeclaration(Node):
 
 @dataclass(frozen=True, slots=True)
 class Export(Node):
-    """`export SEMANTIC-LABEL = TERM`: a stream for other platforms; `offer ... at cost C`: a stream that they may call
-    for.
+    """`export SEMANTIC-LABEL = TERM`: a stream for other platforms; `offer ... at cost C`: one to call for.
 
     Attributes:
         visibility: of all platforms (public), of members with a role (protected), of none but this one (private).
@@ -269,8 +268,7 @@ class MonitorDeclaration(Node):
 
 @dataclass(frozen=True, slots=True)
 class ForEach(Node):
-    """`for NAME in TERM strmgen ...`: a declaration made once per member and removed with it (thesis 3.3,
-    configuration).
+    """`for NAME in TERM strmgen ...`: a declaration for each member, removed with it (thesis 3.3, configuration).
 
     Of `for a, b in TERM strmgen ...` each member is a pair of objects (thesis 8.7.5). Nothing is declared for those `left_out`.
     """

@@ -1,8 +1,7 @@
 """A mission: goals, the plan that is executed for them, and the recovery when it fails (thesis 7.5.3).
 
 A value stepped by events and time; it returns effects. After any end of a plan, by a fault, a pilot, a pause or a lost
-unit, the next steps are the same: units hold, the state is rebuilt from the sensed states, and a new plan is searched
-for.
+unit, the same follows: units hold, the state is rebuilt from the sensed states, and a new plan is searched for.
 """
 
 from collections import Counter
