@@ -94,7 +94,7 @@ def join(
     ] = None,
     forward_commands: Annotated[
         bool,
-        typer.Option("--forward-commands", help="What that station sends reaches the vehicle; missions then wait."),
+        typer.Option("--forward-commands", help="Commands of that station reach the vehicle; missions then wait."),
     ] = False,
     forward_beyond: Annotated[
         bool, typer.Option("--forward-beyond", help="That station may be on another machine.")
@@ -114,7 +114,7 @@ def join(
     ] = None,
     spec: Annotated[
         Path | None,
-        typer.Option(metavar="FILE.kpl", help="What it derives, exports, imports and monitors; read again on change."),
+        typer.Option(metavar="FILE.kpl", help="Its streams, exports, imports and monitors; read again on change."),
     ] = None,
     modules: UnitModules = None,
     feed: Feed = None,

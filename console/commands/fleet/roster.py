@@ -65,7 +65,7 @@ def init(
 def add(
     call: Call,
     unit: UnitArgument,
-    role: Annotated[Role, typer.Option(help="What it may do.")] = "uav",
+    role: Annotated[Role, typer.Option(help="Its rights.")] = "uav",
     hosts: Hosts = None,
 ) -> int:
     """One more platform, with a new key and certificate."""
@@ -83,7 +83,7 @@ def add(
 
 @command(example="dyknow roster revoke 2 --roster keys/roster.toml")
 def revoke(call: Call, unit: UnitArgument) -> int:
-    """Mark a platform as no longer trusted: those that run close their links to it within a second."""
+    """Mark a platform as no longer trusted: running platforms close their links to it within a second."""
     path = _path(call)
     try:
         roster = _read(path, call).revoked(unit)

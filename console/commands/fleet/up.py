@@ -117,7 +117,7 @@ def up(
     speed: Speed = 1.0,
     fault: Annotated[
         list[str] | None,
-        typer.Option(metavar="FAULT", help="One that begins by itself: '0 dropped-box at load+4s' (repeatable)."),
+        typer.Option(metavar="FAULT", help="A fault that begins by itself: '0 dropped-box at load+4s' (repeatable)."),
     ] = None,
     fault_seed: Annotated[int | None, typer.Option(metavar="K", min=0, help="A fault for each, drawn from K.")] = None,
     detach: Annotated[
@@ -128,7 +128,10 @@ def up(
         typer.Option(metavar="U", help="Start only this one here; the others run elsewhere (repeatable)."),
     ] = None,
     spec: Annotated[
-        Path | None, typer.Option(metavar="FILE.kpl", help="What each platform derives, exports, imports and monitors.")
+        Path | None,
+        typer.Option(
+            metavar="FILE.kpl", help="The specification of each platform: its streams, exports, imports and monitors."
+        ),
     ] = None,
     modules: UnitModules = None,
     feed: Feed = None,

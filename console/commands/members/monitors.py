@@ -29,7 +29,7 @@ def monitors(
         typer.Option("--explain", help="Of those in alarm: which part of the formula does not hold, by which samples."),
     ] = False,
 ) -> int:
-    """What is watched, and what it shows: a line for each kind of monitor; exit 1 if there is none."""
+    """All monitors, and their states: a line for each kind of monitor; exit 1 if there is none."""
     with connected(call) as client:
         with call.out.waiting("asking for monitors"):
             found = client.run(all_monitors(client, explain=explain))

@@ -37,7 +37,9 @@ def watch(
     *,
     unit: Unit = None,
     every: Annotated[str, typer.Option(metavar="TIME", help="Sample period.")] = "200ms",
-    max_delay: Annotated[str, typer.Option(metavar="TIME", help="What is older when it is sent is dropped.")] = "1s",
+    max_delay: Annotated[
+        str, typer.Option(metavar="TIME", help="A sample that is older when it is sent is dropped.")
+    ] = "1s",
     from_: Annotated[
         str | None, typer.Option("--from", metavar="T", help="Valid from then on: now, +5s, ISO 8601, microseconds.")
     ] = None,

@@ -24,7 +24,7 @@ def check(
         Path, typer.Argument(metavar="FILE", help="GeoJSON, OpenStreetMap XML, or a SUMO network (.net.xml).")
     ],
 ) -> int:
-    """What a road network holds, and every problem of its file; exit 1 if one is an error."""
+    """The contents of a road network, and every problem of its file; exit 1 if one is an error."""
     from anchoring.roads.files.formats import format_of, survey_any
     from anchoring.roads.files.summary import summary_of
 

@@ -31,7 +31,7 @@ def info(
         typer.Option(metavar="NEW.mcap", help="Write what a recording that was cut off holds, with an index, here."),
     ] = None,
 ) -> int:
-    """What is in a recording: platforms, streams with their gaps, alarms, acts, and what could not be kept."""
+    """The contents of a recording: platforms, streams with their gaps, alarms, acts, and losses."""
     recording = FederationRecording(file)
     found = summary_of(recording)
     if call.out.json_lines:

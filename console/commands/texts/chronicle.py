@@ -38,7 +38,7 @@ def chronicle(
         str | None, typer.Option(metavar="TIME", help="Instances last no longer than this; bounds what is remembered.")
     ] = None,
     partial: Annotated[
-        bool, typer.Option("--partial", help="Also what may become an instance, and until when.")
+        bool, typer.Option("--partial", help="Also partial instances, and until when they wait.")
     ] = False,
 ) -> int:
     """Chronicles in recorded events, or over a platform's live streams; exit 1 if nothing was recognised."""

@@ -280,7 +280,7 @@ def run(
     feed: Feed = None,
     modules: UnitModules = None,
     roads: Roads = None,
-    unit: Annotated[str, typer.Option(metavar="U", help="What `self` means.")] = "0",
+    unit: Annotated[str, typer.Option(metavar="U", help="The unit for `self`.")] = "0",
     pace: Annotated[
         float | None,
         typer.Option(
