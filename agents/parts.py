@@ -49,6 +49,7 @@ from agents.flight.pilot import Pilot
 from agents.flight.vehicle_streams import VehicleStreams, WinchStream
 from agents.interface import InterfaceAgent
 from agents.missions.leading import MissionLeading
+from agents.missions.mission_succession import MissionSuccession
 from agents.missions.performing import Performing
 from agents.missions.proposing import MissionProposals
 from agents.missions.relaying import MissionRelay
@@ -71,7 +72,6 @@ from agents.specification.learning import Learning
 from agents.specification.object_queries import ObjectQueries
 from agents.specification.remote_changes import SpecificationChanges
 from agents.specification.specification_part import SpecificationPart
-from agents.succession.mission_succession import MissionSuccession
 from agents.tasks.authority import Authority
 from agents.tasks.command_watch import CommandWatch
 from agents.tasks.life import TaskLife
@@ -96,7 +96,10 @@ from reasoning import AlarmEvent, Profile
 T = TypeVar("T", bound=Part)
 
 PARTS: tuple[type[Part], ...] = (
-    Authority, CommandWatch, Cameras, WinchStream, CameraAttention, Traffic, FlightAgent, Performing, MissionLeading, MissionProposals, MissionRelay, MissionSuccession, Following, RecoveringAnchors, Faults, Shedding, LocalInstance, FederationAgent, PeerMotion, ImportProxy, LabelAgreements, SubscriptionKeeper, SilentImports, Bids, Calls, AreaAssignment, AreaDivision, Scanning,
+    Authority, CommandWatch, Cameras, WinchStream, CameraAttention, Traffic, FlightAgent, Performing, MissionLeading,
+    MissionProposals, MissionRelay, MissionSuccession, Following, RecoveringAnchors, Faults, Shedding, LocalInstance,
+    FederationAgent, PeerMotion, ImportProxy, LabelAgreements, SubscriptionKeeper, SilentImports, Bids, Calls,
+    AreaAssignment, AreaDivision, Scanning,
     Admission, PlatformTrust, UnitMonitoring,
     AlarmLog, Coordination, TaskLife, Neighbourhood, EncounterLog, GivingWay, MonitorQueries, Checks, Recognitions, StreamQueries, SpecificationPart,
     SpecificationChanges, ObjectQueries, Learning, Wanting, Cooperation, Handover, Saliency, MessageLog, DirectoryAgent,
@@ -150,7 +153,8 @@ class Ports:
         config = self.config
         attends = config.cameras is not None and config.vehicle
         wanted = (
-            (Cameras, config.cameras), (CameraAttention, attends), (FlightAgent, config.vehicle), (Following, attends), (Scanning, attends), (RecoveringAnchors, attends),
+            (Cameras, config.cameras), (CameraAttention, attends), (FlightAgent, config.vehicle), (Following,
+            attends), (Scanning, attends), (RecoveringAnchors, attends),
             (WinchStream, config.vehicle), (Performing, config.vehicle), (MissionLeading, config.vehicle),
             (MissionProposals, config.vehicle), (MissionRelay, not config.vehicle), (MissionSuccession, config.vehicle), (Faults, config.simulated),
         )  # fmt: skip

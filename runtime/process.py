@@ -51,7 +51,7 @@ from runtime.configuration.road_files import check_place
 from runtime.configuration.session import reaches_beyond, unprotected, wire_options
 from runtime.journal.journal import Journal
 from runtime.journal.recorded_runs import about, journalled
-from runtime.learnt.files import keep
+from runtime.learnt_files import keep
 from runtime.loop import Pressure, SteppedNode, leave_alone_what_is_loaded, step
 from runtime.mailbox import Mailbox
 from runtime.metrics import PlatformMetrics, metrics_of

@@ -8,6 +8,7 @@ from dyknow.model.errors import WrongCall
 from navigation.cameras.rig import CameraRig
 from navigation.geodesy import LocalFrame
 from runtime.configuration.run_directory import HANDLINGS_FILE
+from sim_uavs.bodies import OnField, bodies_of
 from sim_uavs.boxes.bodies import Air
 from sim_uavs.boxes.handled import BoxWorld
 from sim_uavs.boxes.shared import BoxesOnGround, HandlingFile, HandlingList, HandlingLog, SharedBoxes
@@ -16,7 +17,6 @@ from sim_uavs.cameras.onboard import OnboardCameras, Scene
 from sim_uavs.dynamics.quadcopter import AirframeLimits
 from sim_uavs.dynamics.scenarios import Depot, Scenario, Unit
 from sim_uavs.dynamics.settings import VehicleConfig
-from sim_uavs.people.bodies import OnField, bodies_of
 from sim_uavs.streets import watching
 
 LOADER: Final = AirframeLimits(mass_kg=8.0, hover_w=900.0, capacity_wh=450.0)

@@ -2,7 +2,8 @@
 shares for that (thesis 9.2).
 
 A platform recognises overtakes of all cars of its picture, and the chronicles of attributes that its specification declares. For cars
-outside its own area it gets data of the platform into whose area they drive: percepts, states, relations or events (`anchoring/cooperation/sharing.py`). The level is chosen once a second for
+outside its own area it gets data of the platform into whose area they drive: percepts, states, relations or events
+(`anchoring/cooperation/sharing.py`). The level is chosen once a second for
 each platform, within what `(share kbit_s: 50)` declares for all, those first into whose area cars drive; `(share level: events)` fixes it.
 """
 

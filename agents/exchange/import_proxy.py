@@ -55,7 +55,8 @@ class ImportProxy(Part):
     """Pushes the samples of imported streams into the local instance.
 
     What a peer sends whose clock is skewed, or not compared yet, is refused and counted: one valid time far ahead would
-    end an ordered stream; an intent is valid when it comes. Valid times of a peer whose clock is off by 50 ms to 1 s are shifted, and approximated linearly onto the grid of
+    end an ordered stream; an intent is valid when it comes. Valid times of a peer whose clock is off by 50 ms to 1 s
+    are shifted, and approximated linearly onto the grid of
     the stream, since shifted samples lie on none (semantics of offsets between platforms). Times: node clock, but
     for valid times.
 

@@ -49,7 +49,8 @@ class Neighbour:
     Attributes:
         intent: its newest word; heard_us: when that, or its position, came.
         said: whether it is taken by an intent of its own; False: by its positions.
-        contradicted: how many looks its positions have contradicted its intent; belied_us: when its positions last contradicted its intent; it is taken by them until that is `CREDIBLE_US` ago.
+        contradicted: how many looks its positions have contradicted its intent; belied_us: when its positions last
+        contradicted its intent; it is taken by them until that is `CREDIBLE_US` ago.
         leapt_us: when it was last somewhere where no vehicle gets so fast; the intent before stands then.
         former: what it had published before it leapt, or was somewhere else after a silence, and when that came: it stands, too, until `FORMER_US` later.
         cannot: why it does not avoid us, in its own words, since `cannot_us`; empty: it has reported nothing of the kind.

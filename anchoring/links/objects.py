@@ -41,7 +41,8 @@ class LinkReason(NamedTuple):
 
     Attributes:
         cause: a condition, or the description of a wanted object; that was seen for a while, or is wanted no more; the
-            candidates of a percept were weighed again, or it has moved as the object does not; the percept ended, or had no sample for too long; the object was not
+            candidates of a percept were weighed again, or it has moved as the object does not; the percept ended, or
+            had no sample for too long; the object was not
             anchored for too long.
         formula: of the condition, with the parts and samples that decided it in `explanations`.
         for_us: how long the percept was silent, or the object seen, or not anchored.

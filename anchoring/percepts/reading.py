@@ -7,9 +7,11 @@
     {"t_ms": 30000}
 
 A line without `percept` is a detection without a name, which gets one from where things of its type were (`DetectionNames`): all
-percepts of a type have names, or none has. A time alone is a tick without percepts: time passes until then. Velocity, `sd_m` (1 m) and attributes are optional, `type` too where there is but one; `latitude_deg` and `longitude_deg` may
+percepts of a type have names, or none has. A time alone is a tick without percepts: time passes until then. Velocity,
+`sd_m` (1 m) and attributes are optional, `type` too where there is but one; `latitude_deg` and `longitude_deg` may
 take the place of x (east) and y (north); a whole number may be the name of a percept. Lines are in the order of time; those
-with one `t_ms` are one tick. A line that cannot be used is reported with its number and left out, and so is a percept that a tick has twice with other contents, and a
+with one `t_ms` are one tick. A line that cannot be used is reported with its number and left out, and so is a percept
+that a tick has twice with other contents, and a
 tick that is far ahead of the lines before and after it.
 """
 

@@ -1,7 +1,8 @@
 """Where something may be by now that travels along roads: a weighted set of route hypotheses.
 
 A hypothesis that comes to the crossing at the end of its link splits into one for each link that follows, without U-turns
-except at dead ends, and takes the curve that leads there. The weight is split by a prior over turns. Weights sum to 1; light hypotheses are pruned, those that meet are one.
+except at dead ends, and takes the curve that leads there. The weight is split by a prior over turns. Weights sum to 1;
+light hypotheses are pruned, those that meet are one.
 """
 
 import math

@@ -198,7 +198,8 @@ class AlongRoads:
         back = np.array([[cosine, -sine, 0.0, 0.0], [sine, cosine, 0.0, 0.0],
                          [0.0, 0.0, cosine, -sine], [0.0, 0.0, sine, cosine]])  # fmt: skip
         return ObjectState(
-            to_us, x_m, y_m, speed_m_s * cosine, speed_m_s * sine, back @ grown @ back.T, {**kept, **attributes_of(place), ROUTE: way.link, TRAVELLED: route.travelled_m},
+            to_us, x_m, y_m, speed_m_s * cosine, speed_m_s * sine, back @ grown @ back.T,
+            {**kept, **attributes_of(place), ROUTE: way.link, TRAVELLED: route.travelled_m},
         )  # fmt: skip
 
     def _around(self, x_m: float, y_m: float, route: RouteHypothesis) -> str | None:

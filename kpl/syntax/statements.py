@@ -34,7 +34,8 @@ if TYPE_CHECKING:
     from lark import Token, Tree
 
 
-_STATEMENT = re.compile(r"^(?:[ \t]*(?:source|compunit|strmgen|stream|for|sort|label|export|offer|import|call|define|monitor|chronicle|roads|want)\b|[A-Za-z]\w+)", re.MULTILINE)  # fmt: skip
+_HEADS = "source compunit strmgen stream for sort label export offer import call define monitor chronicle roads want"
+_STATEMENT = re.compile(rf"^(?:[ \t]*(?:{_HEADS.replace(' ', '|')})\b|[A-Za-z]\w+)", re.MULTILINE)
 ReadFile: TypeAlias = Callable[[str], str]
 """The text of a file that a specification names; raises OSError or UnicodeDecodeError."""
 _WORD = re.compile(r"[A-Za-z_][A-Za-z0-9_-]*")

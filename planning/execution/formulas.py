@@ -1,7 +1,8 @@
 """Conditions of a domain as formulas of `reasoning` for monitors; they can be printed and read back.
 
 A feature that a problem gives, nothing changes and nothing senses, a goal's coordinates for one, is a constant; all others are
-read from states, and so are the numbers of a condition that is flagged `monitored` and would be constant otherwise. The flag of an operator is a fluent of its objects, `executing-attach-box[uav1, b1]`; given fewer of them it is
+read from states, and so are the numbers of a condition that is flagged `monitored` and would be constant otherwise.
+The flag of an operator is a fluent of its objects, `executing-attach-box[uav1, b1]`; given fewer of them it is
 about any action that begins with those (thesis 7.6.2). Distances are compared by their squares, since formulas have no `hypot`.
 """
 

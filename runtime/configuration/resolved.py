@@ -15,7 +15,7 @@ from runtime.configuration.config import NodeConfig
 from runtime.configuration.ontologies import ontology_of
 from runtime.configuration.road_files import read_roads
 from runtime.configuration.session import load_trust
-from runtime.learnt.files import LearntFiles
+from runtime.learnt_files import LearntFiles
 
 
 def read_translation(ontology: Ontology, file: Path) -> Translation:

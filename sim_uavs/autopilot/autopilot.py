@@ -1,7 +1,8 @@
 """A simulated autopilot that speaks MAVLink 2 with several peers: bytes and time in, bytes out. No socket, no clock.
 
 Time is what the caller says, UTC microseconds. Telemetry goes out on its 100 ms grid and is measured exactly there;
-physics runs in 20 ms steps of its own grid. `time_boot_ms` counts from the whole second in which the vehicle started. Faults change what it reports, hears and says, not how it flies: it
+physics runs in 20 ms steps of its own grid. `time_boot_ms` counts from the whole second in which the vehicle started.
+Faults change what it reports, hears and says, not how it flies: it
 keeps knowing where it is.
 """
 

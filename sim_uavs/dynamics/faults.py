@@ -2,7 +2,8 @@
 
 `gps-loss`, `frozen-position`, `nan`, `silence` and `clock-stop` (its clocks stand still while it holds, and are behind from then
 on, as those of a simulation on a busy machine) take no amount; `packet-loss=30` (per cent, each way), `clock=+5s`,
-`clock-drift=100` (parts per million: an autopilot that runs at 0.992 of real time has -8000), `teleport=500` (metres to the north-east), `gps-noise=10` (times the usual) and
+`clock-drift=100` (parts per million: an autopilot that runs at 0.992 of real time has -8000), `teleport=500` (metres
+to the north-east), `gps-noise=10` (times the usual) and
 `battery-low=15` (per cent left) do.
 
 How orders fare, as real autopilots showed it: `refuse=2` (MAV_RESULT: 1 temporarily rejected, 2 denied, 3 unsupported,

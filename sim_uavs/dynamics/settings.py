@@ -88,7 +88,8 @@ class VehicleConfig:
     """One vehicle. `airborne_m` above 0 starts it armed and guided, hovering at that height above home.
 
     `has_mount`: whether it carries a camera on a mount. `faults` begin by themselves. `fence`: the
-    polygons and circles of its autopilot, kept to while `settings.fence_on`. `peers` are sent everything from the start and never forgotten; others are learned when they speak.
+    polygons and circles of its autopilot, kept to while `settings.fence_on`. `peers` are sent everything from the
+    start and never forgotten; others are learned when they speak.
     """
 
     system_id: int

@@ -9,13 +9,7 @@ from typing import Annotated, Any, Literal
 
 import typer
 
-from console.centre.client import connected
-from console.command import Call, command
-from console.commands.fleet.up import READY_S, FleetStart, tell_notes
-from console.commands.texts.run_output import tell_record
-from console.commands.texts.specification_files import check_specified
-from console.errors import DONE, INTERRUPTED
-from console.options.arguments import (
+from console.arguments import (
     Admit,
     Avoidance,
     Duration,
@@ -27,6 +21,12 @@ from console.options.arguments import (
     Speed,
     UnitModules,
 )
+from console.centre.client import connected
+from console.command import Call, command
+from console.commands.fleet.up import READY_S, FleetStart, tell_notes
+from console.commands.texts.run_output import tell_record
+from console.commands.texts.specification_files import check_specified
+from console.errors import DONE, INTERRUPTED
 from console.output.output import unit_json
 from console.output.shown import line, styled
 from console.processes.launch import (

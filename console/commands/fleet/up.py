@@ -7,11 +7,11 @@ from typing import Annotated, Any
 
 import typer
 
+from console.arguments import Admit, Avoidance, Duration, Feed, Govern, Metrics, Roads, Speed, UnitModules
 from console.command import Call, command
 from console.commands.members.ls import ls
 from console.commands.texts.specification_files import check_specified
 from console.errors import DONE, FAILED, INTERRUPTED, NO
-from console.options.arguments import Admit, Avoidance, Duration, Feed, Govern, Metrics, Roads, Speed, UnitModules
 from console.output.output import unit_json
 from console.output.shown import line, styled
 from console.processes.launch import FleetPlan, clock_of, fleet_of, specified, together, with_metrics

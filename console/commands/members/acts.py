@@ -5,10 +5,10 @@ from typing import Annotated
 
 import typer
 
+from console.arguments import Follow, Unit
 from console.centre.client import connected
 from console.command import Call, command
 from console.errors import DONE, NO
-from console.options.arguments import Follow, Unit
 from console.output.output import unit_json
 from console.output.shown import Shown, line, styled
 from dyknow.model.errors import TextError

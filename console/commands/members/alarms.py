@@ -5,10 +5,10 @@ from typing import Annotated, Any
 
 import typer
 
+from console.arguments import Count, Follow
 from console.centre.client import connected
 from console.command import Call, command
 from console.errors import DONE, NO
-from console.options.arguments import Count, Follow
 from console.output.output import counted, unit_json
 from console.output.shown import Shown, line, styled
 from dyknow.model.instants import print_span

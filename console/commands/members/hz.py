@@ -6,10 +6,10 @@ from typing import Annotated, Any, NamedTuple
 
 import typer
 
+from console.arguments import Label, Unit
 from console.centre.client import connected
 from console.command import Call, command
 from console.errors import DONE, NO
-from console.options.arguments import Label, Unit
 from console.output.output import unit_json
 from console.output.shown import styled
 from dyknow.model.instants import US_PER_S, print_span

@@ -5,11 +5,11 @@ from typing import Annotated, Any, NamedTuple
 
 import typer
 
+from console.arguments import Follow
 from console.centre.client import connected, note_unreached
 from console.command import Call, command
 from console.commands.members.ended_tasks import warn_of_ended
 from console.errors import DONE, NO
-from console.options.arguments import Follow
 from console.output.output import unit_json
 from console.output.shown import Shown, line, stacked, styled
 from dyknow.model.instants import US_PER_S, print_span

@@ -6,10 +6,10 @@ from typing import Annotated, Any, Literal
 import typer
 
 from agents.exchange.readings import merge_inverse_variance, merge_mean, select_best, select_newest
+from console.arguments import StreamLabel, Unit
 from console.centre.client import connected, note_unreached
 from console.command import Call, command
 from console.errors import DONE, NO
-from console.options.arguments import StreamLabel, Unit
 from console.output.output import unit_json
 from console.output.predictions import prediction_json, prediction_text
 from console.output.shown import Shown, styled

@@ -4,11 +4,11 @@ from typing import Annotated, Any, NamedTuple
 
 import typer
 
+from console.arguments import Count, Label, Unit
 from console.centre.client import connected
 from console.command import Call, command
 from console.commands.members.query import value_text
 from console.errors import DONE, NO
-from console.options.arguments import Count, Label, Unit
 from console.output.output import unit_json
 from console.output.predictions import prediction_json, prediction_text
 from console.output.shown import styled

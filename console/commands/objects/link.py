@@ -6,10 +6,10 @@ from typing import TYPE_CHECKING, Annotated
 
 import typer
 
+from console.arguments import UnitModules
 from console.command import Call, command
 from console.commands.texts.specification_files import STANDARD_INPUT, read_text, recorded_lines
 from console.errors import DONE, WRONG
-from console.options.arguments import UnitModules
 from dyknow.model.errors import TextError, WrongCall
 from proxies.files.named_files import beside
 from runtime.configuration.road_files import read_bytes

@@ -6,6 +6,7 @@ from typing import Annotated, Literal
 
 import typer
 
+from console.arguments import Duration
 from console.centre.client import connected
 from console.command import Call, command
 from console.commands.outward.passing import (
@@ -20,7 +21,6 @@ from console.commands.outward.passing import (
     say_ended,
 )
 from console.errors import DONE, INTERRUPTED
-from console.options.arguments import Duration
 from console.processes.supervision import interruptible
 from dyknow.model.errors import WrongCall
 from proxies.outward.cot import ALARM, UAV, UNKNOWN_AIR, UNKNOWN_GROUND, CotMotion, CotPoint, cot_event

@@ -5,11 +5,11 @@ from typing import Annotated
 
 import typer
 
+from console.arguments import Duration
 from console.centre.client import connected
 from console.command import Call, command
 from console.commands.outward.passing import THERE, Beyond, check_reach, pass_on
 from console.errors import DONE, INTERRUPTED
-from console.options.arguments import Duration
 from console.output.output import counted
 from console.output.shown import line, styled
 from console.processes.supervision import interruptible

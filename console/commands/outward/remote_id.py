@@ -4,6 +4,7 @@ from typing import Annotated
 
 import typer
 
+from console.arguments import Duration
 from console.centre.client import connected
 from console.command import Call, command
 from console.commands.outward.passing import (
@@ -17,7 +18,6 @@ from console.commands.outward.passing import (
     say_ended,
 )
 from console.errors import DONE, INTERRUPTED
-from console.options.arguments import Duration
 from console.processes.supervision import interruptible
 from dyknow.model.errors import WrongCall
 from proxies.outward.outlets import Outlet, parse_destination

@@ -6,10 +6,10 @@ from typing import Annotated
 
 import typer
 
+from console.arguments import Unit
 from console.command import Call, command
 from console.commands.recordings.info import tell_unread
 from console.errors import DONE
-from console.options.arguments import Unit
 from console.output.output import counted
 from console.plots.plot import MOST_PANELS, Band, Plot, check_file, draw
 from console.plots.streams import MOST_SAMPLES, Point, recorded_bands, recorded_points, stream_plot

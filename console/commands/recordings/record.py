@@ -8,10 +8,10 @@ from typing import Annotated
 
 import typer
 
+from console.arguments import Duration
 from console.centre.client import connected
 from console.command import Call, command
 from console.errors import DONE, FAILED, INTERRUPTED
-from console.options.arguments import Duration
 from console.output.output import counted
 from console.output.shown import line, styled
 from console.processes.supervision import interruptible

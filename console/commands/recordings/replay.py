@@ -6,12 +6,12 @@ from typing import Annotated, Any
 
 import typer
 
+from console.arguments import Speed
 from console.command import Call, command
 from console.commands.fleet.join import fits_in
 from console.commands.fleet.up import READY_S, FleetStart
 from console.commands.recordings.info import Recording, tell_unread
 from console.errors import DONE, INTERRUPTED
-from console.options.arguments import Speed
 from console.output.output import counted, unit_json
 from console.output.shown import line, styled
 from console.processes.launch import platform_config

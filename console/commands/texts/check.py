@@ -7,10 +7,10 @@ from typing import TYPE_CHECKING, Annotated, Any, NamedTuple
 
 import typer
 
+from console.arguments import Unit
 from console.command import Call, command
 from console.commands.texts.specification_files import read_lines
 from console.errors import DONE, NO
-from console.options.arguments import Unit
 from console.output.shown import line, stacked, styled
 from dyknow.model.errors import WrongCall, did_you_mean
 from dyknow.model.values import NO_VALUE

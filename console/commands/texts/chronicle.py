@@ -7,10 +7,10 @@ from typing import TYPE_CHECKING, Annotated
 
 import typer
 
+from console.arguments import Unit
 from console.command import Call, command
 from console.commands.texts.specification_files import opened, read_text
 from console.errors import DONE, NO
-from console.options.arguments import Unit
 from console.output.output import unit_json
 from console.output.shown import line, styled
 from dyknow.model.errors import ChronicleError, TextError, WrongCall, did_you_mean

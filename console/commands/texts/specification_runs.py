@@ -11,12 +11,12 @@ from typing import IO, TYPE_CHECKING, Annotated, Any
 
 import typer
 
+from console.arguments import Admit, Duration, Feed, Govern, Roads, SpecificationFile, UnitModules
 from console.command import Call, command
 from console.commands.texts.graphs import GraphForm, show_graph
 from console.commands.texts.run_output import tell_record
 from console.commands.texts.specification_files import instance_of, read_samples, read_text
 from console.errors import DONE, INTERRUPTED
-from console.options.arguments import Admit, Duration, Feed, Govern, Roads, SpecificationFile, UnitModules
 from console.output.shown import line, styled
 from dyknow import earlier
 from dyknow.model.errors import DyknowError, TextErrors, WrongCall

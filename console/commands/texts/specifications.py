@@ -7,11 +7,11 @@ from typing import TYPE_CHECKING, Annotated, Literal
 
 import typer
 
+from console.arguments import Roads, UnitModules
 from console.command import Call, command
 from console.commands.texts.graphs import GraphForm, show_graph
 from console.commands.texts.specification_files import add_streams_of_platforms, instance_of, read_text
 from console.errors import DONE, NO
-from console.options.arguments import Roads, UnitModules
 from console.output.output import counted
 from console.output.shown import line, styled
 from dyknow.model.errors import NothingFound, TextError, TextErrors, WrongCall

@@ -6,10 +6,10 @@ from typing import TYPE_CHECKING, Annotated
 
 import typer
 
+from console.arguments import SpecificationFile, UnitModules
 from console.command import Call, command
 from console.commands.texts.specification_files import instance_of, read_lines, read_text
 from console.errors import DONE, NO
-from console.options.arguments import SpecificationFile, UnitModules
 from console.output.output import counted
 from console.output.shown import line, styled
 from dyknow.model.errors import WrongCall

@@ -16,13 +16,13 @@ from federation.messages.dialogue import Dialogue
 from federation.security.trust import Trust
 from navigation.geodesy import LocalFrame, distance_m
 from navigation.vehicle import Command, Order, Report
+from sim_uavs.bodies import FieldBody, bodies_of
 from sim_uavs.boxes.shared import HandlingList
 from sim_uavs.cameras.onboard import OnboardCameras
 from sim_uavs.depot import boxes_of, hoist_of, loader, scene_of
 from sim_uavs.dynamics.scenarios import Unit, scenario
 from sim_uavs.dynamics.settings import HomePlace
 from sim_uavs.dynamics.vehicles import SimulatedVehicle
-from sim_uavs.people.bodies import FieldBody, bodies_of
 from sim_uavs.streets import watching
 from sim_uavs.world.world import START_US, World
 

@@ -10,7 +10,7 @@ from agents.specification.learning import Learning
 from dyknow import Label
 from dyknow.model.errors import WrongCall
 from kpl.linking.beliefs import BeliefStream
-from runtime.learnt.files import LearntFiles
+from runtime.learnt_files import LearntFiles
 from tests.box import Box
 
 YARD = Path("examples/world/yard.toml").read_text("utf-8") + "\n[attributes.mass_kg]\nmean = 1000.0\nsd = 500.0\n"

@@ -12,8 +12,8 @@ import pytest
 
 import dyknow as library
 from runtime.library.pictures.supplies import supply_goals
+from sim_uavs.bodies import bodies_of
 from sim_uavs.dynamics.scenarios import scenario
-from sim_uavs.people.bodies import bodies_of
 from tests.live.command_line.command import Dyknow
 
 pytestmark = [pytest.mark.live, pytest.mark.full]
