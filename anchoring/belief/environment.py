@@ -389,9 +389,7 @@ class EnvironmentModel:
         return self._existing(events)
 
     def _bear(self, look: EncodedLook, new: Floats) -> tuple[Indices, list[LifeEvent]]:
-        """Make tentative instances of observations that are probably new; returns these observations, and the
-        events.
-        """
+        """Make tentative instances of observations that are probably new; returns these, and the events."""
         cols = np.flatnonzero(new > self.model.thresholds.create)
         events: list[LifeEvent] = []
         room = self.model.limits.instances - len(self.table)

@@ -52,9 +52,7 @@ _HOLDS: Final[Mapping[EventKind, Mapping[str, bool]]] = {
 
 
 class PairRelation(NamedTuple):
-    """The relation of the first object to the second; `record` as `ROAD_RELATIONS`, None where an event does not state
-    it.
-    """
+    """The relation of the first object to the second; `record` as `ROAD_RELATIONS`, None where it is not stated."""
 
     valid_us: int
     pair: Pair

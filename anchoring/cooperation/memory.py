@@ -75,9 +75,7 @@ class Remembered:
 
 
 def has_room(objects: dict[str, Remembered], units: frozenset[str]) -> bool:
-    """Whether there is room for an object that these members see; the oldest unseen object of one member makes room for
-    its new one.
-    """
+    """Whether there is room for an object of these members; one member's oldest unseen one makes room for its next."""
     own = [each for each in objects.values() if each.units == units] if len(units) == 1 else []
     if len(own) >= MOST_OF_ONE:
         oldest = min(own, key=lambda each: (each.is_seen, each.seen_us))

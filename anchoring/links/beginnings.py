@@ -90,9 +90,7 @@ class ObjectBeginnings:
                     )
 
     def _began_us(self, source: _Key) -> float:
-        """The time since when a percept has had its name; earlier states were of another one. Of objects: since their
-        first state.
-        """
+        """Since when a percept has had its name, before which another had it. Of objects: since their first state."""
         type_, symbol = source
         percept = self._linkage.objects(type_).get(symbol) if type_ in self._linkage.percept_types else None
         return -inf if percept is None else percept.created_us

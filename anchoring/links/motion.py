@@ -47,9 +47,7 @@ KINDS: Final[Mapping[str, MotionKind]] = {
 _NAMING: Final = ("kind", "class")
 _WALKS_M_S, _RIDES_M_S = 2.5, 7.0
 _NOISE_BY_SPEED: Final = 0.02
-"""Acceleration noise grows with the square of the speed, 1/s: a turn at 10 m/s changes the velocity more than one at 1
-m/s.
-"""
+"""Acceleration noise grows with the square of the speed, 1/s: a turn at 10 m/s changes the velocity more."""
 _UNSEEN_SLOW, _UNSEEN_FAST, _FAST_NOISE = 0.7, 1.5, 0.5
 """Over seconds errors of steps are smaller than they accumulate, but what drives fast brakes and turns: of the noise of one step."""
 LONELY_M: Final = 100.0
@@ -57,9 +55,7 @@ LONELY_M: Final = 100.0
 STRANGERS: Final = 0.35
 """The share of things that could be what comes into view without being known."""
 _OFF: Final = 1.0 / 16.0
-"""Share of the position's variance that is added in each direction: vehicles expected on the centre of a lane drive off
-it.
-"""
+"""Share of the position's variance added in each direction: vehicles expected on a lane's centre drive off it."""
 _SMOOTHED_S: Final = 1.0
 _LOOKED_US: Final = 200_000
 _MOST_COMPARED: Final = 64

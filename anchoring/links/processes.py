@@ -176,9 +176,7 @@ class LinkProcess:
         return moving
 
     def _drop_taken(self) -> None:
-        """Drop candidates that are gone, or that another percept certainly shows; a single remaining candidate is
-        certain.
-        """
+        """Drop candidates that are gone, or that another percept certainly shows; a single remaining one is certain."""
         is_new = True
         while is_new:
             held, is_new = {each.chosen for each in self.candidates.values()}, False

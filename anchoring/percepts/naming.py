@@ -111,9 +111,7 @@ class DetectionNames:
             self._speed_sd_m_s = min(_FASTEST_SD_M_S, max(_SLOWEST_SD_M_S, float(np.median(speeds))))
 
     def _pairs(self, now_us: int, detections: Sequence[ObjectState]) -> list[tuple[_Named, int]]:
-        """The assignment in which each pair is more likely than that one object was overlooked and another one
-        appeared.
-        """
+        """The assignment whose pairs are more likely than one object overlooked and another one that appeared."""
         if not self._known or not detections:
             return []
         expected = [thing.expected(now_us) for thing in self._known]

@@ -183,9 +183,7 @@ def _from_right(network: RoadNetwork, way: DirectedLink) -> list[int]:
 
 
 def pruned(hypotheses: Iterable[RouteHypothesis], pruning: Pruning = USUAL_PRUNING) -> tuple[RouteHypothesis, ...]:
-    """Hypotheses that meet merged, light ones dropped, weights summing to 1; the heaviest first, and at least one if
-    there are any.
-    """
+    """Hypotheses that meet merged, light ones dropped, weights summing to 1; the heaviest first, at least one."""
     merged: list[RouteHypothesis] = []
     for one in sorted(hypotheses, key=lambda each: (each.way, each.lane, each.travelled_m)):
         last = merged[-1] if merged else None

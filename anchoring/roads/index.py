@@ -1,6 +1,4 @@
-"""The parts of a road network near a position: R-trees (shapely's STRtree) over pieces of links, crossings and
-areas.
-"""
+"""The parts of a road network near a position: shapely's STRtree over pieces of links, crossings and areas."""
 
 import math
 from collections.abc import Iterable, Iterator

@@ -134,9 +134,7 @@ def shown_by_look(
     gates: ObservationGates,
     knowledge: LookingKnowledge,
 ) -> str:
-    """The outcome of a look that observes these properties of a percept, as plans name it; `names`: the properties to
-    look for.
-    """
+    """The outcome of a look that observes these properties, as plans name it; `names`: the properties to look for."""
     shown = []
     for name in names:
         found = seen.get(name)

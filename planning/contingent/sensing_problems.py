@@ -32,9 +32,7 @@ class RecoveryHypothesis(NamedTuple):
 
 
 class PossibleLook(NamedTuple):
-    """A look from a place at an object, with its outcomes: for each value the hypotheses under which it is seen, a bit
-    each.
-    """
+    """A look from a place at an object, with its outcomes: for each value the hypotheses that show it, a bit each."""
 
     place: str
     target: str

@@ -32,9 +32,7 @@ COMMANDS: Final = {
 }  # fmt: skip
 """Commands to a vehicle, and how many numbers they take: metres east, north and above the origin of the mission, or seconds."""
 SENSORS: Final = ("east", "north", "height", "airborne", "attached", "load")
-"""The sensed quantities of an object: metres from the origin of the mission, whether it flies, whether one unit carries
-another object.
-"""
+"""The sensed quantities of an object: metres from the mission's origin, whether it flies or carries another."""
 
 
 @dataclass(frozen=True, slots=True)

@@ -51,9 +51,7 @@ EState: TypeAlias = tuple[tuple[int, World], ...]
 
 
 class ActionOutcome(NamedTuple):
-    """The results of one action: an e-state for each observation; a single one without observation if it shows
-    nothing.
-    """
+    """The results of one action: an e-state for each observation, or a single one if it shows nothing."""
 
     action: SensingAction
     branches: tuple[tuple[ObservedFeature | None, EState], ...]

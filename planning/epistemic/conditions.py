@@ -1,6 +1,4 @@
-"""Worlds, conditions on them, and knowledge: a condition is known if it holds in the worlds of all remaining
-hypotheses.
-"""
+"""Worlds and conditions on them; a condition is known if it holds in the worlds of all remaining hypotheses."""
 
 from collections.abc import Iterator, Mapping
 from dataclasses import dataclass

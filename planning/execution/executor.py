@@ -123,9 +123,7 @@ class PlanExecutor:
 
     @property
     def labels(self) -> frozenset[str]:
-        """The labels that states have to show now: those of active monitors, and those of the conditions of the next
-        actions.
-        """
+        """The labels that states have to show now: of active monitors, and of the conditions of the next actions."""
         found = set(self._watched.labels)
         for one in self.steps.values():
             if one.phase is StepPhase.WAITING and self._depends_on_nothing(one):
@@ -265,9 +263,7 @@ class PlanExecutor:
         )
 
     def _violated(self, at_us: int) -> None:
-        """The fault of a violation in the newest state: a monitor with a recovery goes first, then one about a current
-        action.
-        """
+        """The fault of the newest state's violation: a monitor with a recovery goes first, then a current action's."""
         first = min(self._watched.violated, key=lambda one: (one.recovery is None, _RANKS.get(one.kind, 0)))
         name = first.about if first.kind == "global" else f"{first.kind} of {first.about}"
         text = f"{first.kind} of {first.about} is violated: {first.text}"

@@ -12,9 +12,7 @@ from reasoning.formulas import tree
 
 @dataclass(frozen=True, slots=True)
 class MonitorHint:
-    """A possible cause of false alarms, its place in the text of the domain, or of the problem if it is a goal, and a
-    repair.
-    """
+    """A possible cause of false alarms, its place in the domain's text, or the problem's for a goal, and a repair."""
 
     place: tree.Place
     message: str

@@ -341,9 +341,7 @@ class _Search:
         return self._ordered(root, lambda node: ((node.cost, -node.depth),), is_cheapest=not self._dropped)
 
     def _heuristic(self, root: SearchNode) -> Steps:
-        """Expand the nodes that seem nearest to the goal first; yields for ever if there are too many instances for an
-        estimate.
-        """
+        """Expand the nodes that seem nearest to the goal first; yields for ever if there are too many instances."""
         try:
             estimator = Estimator(self._grounder, self._schemas, self._acting, self._grounds, self._events)
         except TooManyInstances:

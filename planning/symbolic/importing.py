@@ -43,9 +43,7 @@ def read_pddl(domain: str, problem: str) -> tuple[Declarations, Declarations]:
 
 
 def from_unified(problem: Any) -> tuple[Declarations, Declarations]:
-    """Our domain and problem from a `unified_planning.model.Problem`; raises TextError for parts without a form
-    here.
-    """
+    """Our domain and problem from a `unified_planning.model.Problem`; raises TextError for parts without a form."""
     unified()
     reader = _Importer(problem)
     domain = parse_domain(print_declarations(reader.domain()))

@@ -17,9 +17,7 @@ _TILE, _GRID = ".hgt", ".asc"
 
 
 def read_elevation(path: Path) -> Elevation:
-    """The elevation in a file or directory; an unchanged file that is read again gives the same one. Raises
-    WrongCall.
-    """
+    """The elevation in a file or directory; the same one for an unchanged file. Raises WrongCall."""
     try:
         files = _files(path)
         states = tuple((file, (state := file.stat()).st_mtime_ns, state.st_size) for file in files)

@@ -1,6 +1,4 @@
-"""The common part of both faces of a connection, that of a program that waits and that of one with an event loop; and
-its tasks.
-"""
+"""The common part of both faces of a connection, for programs that wait and for event loops; and its tasks."""
 
 import asyncio
 from collections.abc import Generator

@@ -272,8 +272,7 @@ class FederationClient(ConnectionFace):
         self._do(listings.cancel(self._client, conversation))
 
     def objects(self, type: str | None = None, *, unit: str | int | None = None) -> list[listings.ListedObject]:  # noqa: A002
-        """The objects that platforms see, each for itself: `.by`, `.symbol`, `.type`, `.stream`, `.valid_us`,
-        `.attributes`.
+        """The objects that platforms see: `.by`, `.symbol`, `.type`, `.stream`, `.valid_us`, `.attributes`.
 
         Args:
             type: of one type, or of one stream, only.

@@ -149,9 +149,7 @@ def agreeing(client: Client, label: str, units: Sequence[str], refused: Callable
 
 
 def lists(client: Client, units: Sequence[str], content: Content, kind: type[C]) -> Job[list[tuple[str, C]]]:
-    """The answers of platforms to a question about themselves, with their names; failures go to `on_trouble` of the
-    client.
-    """
+    """The answers of platforms about themselves, with their names; failures go to `on_trouble` of the client."""
     dialogues = yield from client.answers(units, content, P.QUERY_REF, SET_UP_S)
     for unit, why in ((one.unit, one.trouble) for one in dialogues if one.trouble):
         client.on_trouble(unit, why)

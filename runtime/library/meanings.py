@@ -1,6 +1,4 @@
-"""The meanings of semantic labels in a federation: to this program, and to each platform by its description (thesis
-9.3.3).
-"""
+"""The meanings of semantic labels, to this program and to each platform by its description (thesis 9.3.3)."""
 
 from collections.abc import Iterable, Mapping, Sequence
 from contextlib import suppress

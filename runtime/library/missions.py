@@ -249,9 +249,7 @@ def find_mission(client: Client, name: str | None) -> Job[tuple[str, MissionEntr
 
 
 class AbortedMission(NamedTuple):
-    """The result of aborting a mission: the platforms where it is over, and why it may continue at others, by
-    platform.
-    """
+    """The result of aborting a mission: where it is over, and why it may continue elsewhere, by platform."""
 
     name: str
     ended: tuple[str, ...]

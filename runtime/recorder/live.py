@@ -134,9 +134,7 @@ class LiveServer:
 
 
 def _lasting(schema: str, message: Mapping[str, Any]) -> list[tuple[str, bool]]:
-    """The names under which a message holds until another one of that name is sent, and whether each is over with this
-    message.
-    """
+    """The names under which a message holds until the next of that name, and whether each is over with this message."""
     match message:
         case {"unit": str(unit), "labels": list()} if schema == PLATFORM:
             return [(unit, False)]

@@ -1,7 +1,6 @@
 """The newest of each platform and object, from a recorder's messages, for formats that have one message a thing.
 
-Values come from other members: a value that has not the form of its label, or lies outside the earth, is left out and
-counted.
+Values come from other members: a value without the form of its label, or outside the earth, is left out and counted.
 """
 
 import math

@@ -106,9 +106,7 @@ class ObservationReader:
             raise line.error(f"time goes backwards: before, there was t_ms {before_ms:g}", "the lines in order")
 
     def _ahead(self, valid_us: int) -> TextError | None:
-        """The error if the time that is being read lies far after the next line, and the next line follows the time
-        before.
-        """
+        """The error if the time being read lies far after the next line, which follows the time before."""
         first, latest_us, before_us = self._first, self._latest_us, self._before_us
         if first is None or latest_us is None or latest_us - valid_us <= FAR_AHEAD_US:
             return None

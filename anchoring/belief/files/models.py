@@ -1,6 +1,4 @@
-"""World models from TOML. A model that cannot work is refused when it is read, above all thresholds that contradict
-each other.
-"""
+"""World models from TOML. An inconsistent one, above all with contradicting thresholds, is refused when it is read."""
 
 from collections.abc import Mapping
 from math import inf, log

@@ -224,9 +224,7 @@ class InformedModel:
         return KnownInstance(self._called(name), gaussian, categorical)
 
     def _called(self, name: str) -> str:
-        """The name under which an instance is remembered; different from the names of all other remembered
-        instances.
-        """
+        """The name under which an instance is remembered; different from those of all other remembered instances."""
         if name in self.matched:
             return self.matched[name]
         if name in self._lasting:

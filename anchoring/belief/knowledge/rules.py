@@ -88,9 +88,7 @@ def repair(table: InstanceTable, rule: ClassRule, types: Indices, row: int, chec
 def of_relations(
     table: InstanceTable, rule: ClassRule, types: Indices, others: Indices | None, relations: Mapping[Relation, float]
 ) -> dict[Relation, float]:
-    """The probabilities of relations, given that a rule about them holds; relations that it does not change are left
-    out.
-    """
+    """The probabilities of relations, given that a rule about them holds; unchanged relations are left out."""
     rows, shares = table.rows(), table.categorical[TYPE].shares
     mine = {
         key: value

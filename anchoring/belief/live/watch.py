@@ -169,9 +169,7 @@ class WorldWatch:
         return self._reported(self.informed.predict_to(valid_us), set())
 
     def _note(self, events: Iterable[LifeEvent]) -> None:
-        """Keep the events in the history, and the interesting ones among the recent ones, a repair by a rule once for
-        each instance.
-        """
+        """Keep the events in the history, and the interesting ones apart, a repair by a rule once for each instance."""
         for each in events:
             if each.kind in _COUNTED:
                 self.counts[each.kind] += 1

@@ -98,9 +98,7 @@ class PairCondition:
     def values(
         self, state: ObjectState, other: ObjectPrediction | None = None, ends: Ends = NO_ENDS
     ) -> dict[str, Value]:
-        """The values of the formula's labels: from the state of `from`, that of `to` if there is one, and the
-        context.
-        """
+        """The values of the formula's labels, from the state of `from`, that of `to` if any, and the context."""
         if not self._around:
             return {label: read(state, other) for label, read in self._readings.items()}
         return {label: self._value(label, state, other, ends) for label in self._labels}

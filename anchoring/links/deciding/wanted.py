@@ -69,9 +69,7 @@ class WantedObject:
         self._until_us: dict[str, int] = {}
 
     def step(self, valid_us: int, sources: Iterable[tuple[LinkObject, ObjectState]]) -> Sighting | None:
-        """Take all candidates, each with its state as an object of the type; returns the wanted object, once it is
-        known.
-        """
+        """Take all candidates, each with its state as an object of the type; returns the wanted one, once known."""
         sightings: list[tuple[float, tuple[int, str], LinkObject]] = []
         for one, state in sources:
             values = self._condition.values(state, self._place)

@@ -17,9 +17,7 @@ _ROOT: Final = re.compile(r"<([A-Za-z][\w.-]*)")
 
 
 def format_of(text: str | bytes) -> str:
-    """The format of a text by its root, also of one that is not read; a text that is no XML counts as GeoJSON, other
-    XML as SUMO.
-    """
+    """The format of a text by its root, also of one that is not read; no XML counts as GeoJSON, other XML as SUMO."""
     begin = text[:_BEGINNING] if isinstance(text, str) else text[:_BEGINNING].decode("utf-8", errors="replace")
     if not begin.lstrip("\ufeff \t\r\n").startswith("<"):
         return GEOJSON

@@ -224,9 +224,7 @@ def _made(
 
 
 def _attributes(kind: str, properties: Mapping[str, Any], tries: Tries, *, left_hand: bool) -> tuple[Any, ...] | None:
-    """The attributes that properties give to a kind of geometry; None for Points of other kinds, and in case of
-    errors.
-    """
+    """The attributes in the properties of a geometry; None for Points of other kinds, and in case of errors."""
     if kind == "Point":
         if properties.get("kind") is None:
             tries.add("a Point has a kind", 'write "kind": "crossing"')

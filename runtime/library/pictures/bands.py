@@ -109,8 +109,7 @@ class BandsPicture(NamedTuple):
     """The bands of one vehicle. Without a known motion of its own all is unknown, for the reason `why`.
 
     Attributes:
-        goal: the separation kept of members, and for how long; of aircraft that are no members it is
-            `traffic-well-clear`.
+        goal: the separation of members, and for how long; of aircraft that are no members `traffic-well-clear`.
         track_deg: None: it hovers; the tracks are tried at `tried_at_m_s`.
         tracks, speeds, altitudes: values that keep well clear or do not, degrees, m/s along the track, m above mean sea level.
     """
