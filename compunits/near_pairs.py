@@ -53,9 +53,7 @@ class NearPairs:
         return tuple((one, other) for one in self._near for other in self._near[one]) if has_changed else None
 
     def _gone(self, now_us: int) -> Iterator[str]:
-        """Remove and return cars that were not seen for too long: cars are in the order in which they were seen
-        last.
-        """
+        """The cars that were not seen for too long: cars are in the order in which they were seen last."""
         for name, seen_us in self._seen_us.items():
             if now_us - seen_us <= _UNSEEN_US:
                 return

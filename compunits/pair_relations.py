@@ -1,6 +1,4 @@
-"""Relations of pairs of cars, filtered, in one unit: there are many pairs, and each unit of a chain costs as much
-again.
-"""
+"""Relations of pairs of cars, filtered, in one unit: pairs are many, and each unit of a chain costs as much again."""
 
 import math
 from abc import ABC, abstractmethod

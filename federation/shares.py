@@ -1,6 +1,4 @@
-"""Shares in limits: counted by the member of the roster behind a name, or a member would have as many as it has
-names.
-"""
+"""Shares in limits, counted by the member of the roster behind a name, since a member may have several names."""
 
 from dataclasses import dataclass
 from typing import Final, NamedTuple

@@ -22,9 +22,7 @@ PAUSE_US: Final = 500_000
 MOST_CELLS: Final = 1000
 LEAST_CELL_M: Final = 3.0
 SWATH: Final = 0.65
-"""Lanes are apart by this share of the shorter side of the camera's view, so that each place is in view for its whole
-length.
-"""
+"""The distance of lanes, as a share of the shorter side of the view, so that each place is seen over its length."""
 INSET: Final = 0.3
 """A lane ends so far before the last cell, in swaths: that is in view from there."""
 

@@ -34,9 +34,7 @@ _DERIVED_S: Final = (0.5, 10.0)
 
 
 def identity_of(kind: str, text: str) -> str:
-    """The name of an aircraft: its kind and its own identity, so that no platform has that name; a digest where it
-    would be no name.
-    """
+    """The name of an aircraft: its kind and its own identity, unlike that of any platform; else with a digest."""
     kind, text = re.sub(r"[^a-z0-9]", "", kind.lower())[:_KIND] or "x", text.lower()
     name = text if text.startswith(f"{kind}-") else f"{kind}-{text}"
     if _IDENTITY.fullmatch(name):

@@ -1,6 +1,4 @@
-"""A platform's camera, turned to the known objects with the greatest need, while a task has it so (thesis 8.5,
-10.4).
-"""
+"""A camera, turned to the known objects with the greatest need, while a task has it so (thesis 8.5, 10.4)."""
 
 from collections.abc import Callable, Iterable
 from itertools import count

@@ -1,6 +1,4 @@
-"""The place for a vehicle that follows an object: near it, and no nearer; an object that leaps is not followed at once.
-Pure.
-"""
+"""The place for a vehicle that follows an object, near it but not too near; leaps are not followed at once. Pure."""
 
 from collections.abc import Sequence
 from math import hypot, isfinite

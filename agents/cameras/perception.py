@@ -150,9 +150,7 @@ class Perception:
 
 
 def _attributes(valid_us: int, detection: ImageDetection) -> dict[str, Value]:
-    """Texts, cut off where they are too long; the score of a detection that may be a person, with its place and image,
-    by channel.
-    """
+    """Texts, cut off; the score of a detection that may be a person, with its place and image, by channel."""
     found: dict[str, Value] = {}
     for name, value in detection.attributes:
         if isinstance(value, str):

@@ -187,9 +187,7 @@ class Performing(Part):
         self._show(now_us)
 
     def leave(self, now_us: int, *, is_over: bool = True) -> None:
-        """The mission needs the vehicle no longer: a vehicle that flies for it holds. A vehicle of a mission that is
-        not over may join again.
-        """
+        """The mission releases the vehicle, which holds if it flies for it; if not over, it may join again."""
         joined, self._joined = self._joined, None
         if joined is None:
             return

@@ -1,6 +1,4 @@
-"""The work of missions in processes next to the node: searches for plans, and reading of texts. Their results are
-events.
-"""
+"""The work of missions in processes next to the node: searches for plans, and reading of texts; results are events."""
 
 from collections.abc import Callable, Mapping
 from itertools import count

@@ -50,9 +50,7 @@ def print_table(console: Console, title: str, columns: Sequence[Column], rows: S
 
 
 def _widths(columns: Sequence[Column], rows: list[list[Text]], available: int) -> list[int] | None:
-    """Each column as wide as its text; columns that wrap share the rest, but none is narrower than its words; None: no
-    room.
-    """
+    """Each column as wide as its text; columns that wrap share the rest, but fit their words; None: no room."""
     least, most = [], []
     for at, column in enumerate(columns):
         lines = [Text(column.name), *(line for row in rows for line in row[at].split())]

@@ -188,9 +188,7 @@ class Generator:
         self._beginning = {}
 
     def prepare(self, from_us: int) -> int:
-        """Make the history hold as many samples valid from `from_us` on as can be had; returns the time from which on
-        it is complete.
-        """
+        """Make the history reach back to `from_us` as far as possible; returns since when it is complete."""
         if self.owner is not None:
             self.owner.reach(max(from_us, self.owner.since_us()))
         return max(from_us, self.since_us)

@@ -81,9 +81,7 @@ class Instant:
             self.is_open = False
 
     def _taken(self) -> Joining:
-        """The unit to call next: no waiting unit can bring it more inputs, the highest priority first; it waits no
-        longer.
-        """
+        """The unit to call next, taken out: no waiting unit can bring it more inputs, the highest priority first."""
         waiting = self._waiting
         least = min(waiting)
         if self.priorities:

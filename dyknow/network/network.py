@@ -298,9 +298,7 @@ class Network:
         self._waiting.setdefault(proxy.label, []).append(proxy)
 
     def recall(self, label: Label | None = None) -> None:
-        """The generators of `resolve` can be made from now on: clients that wait for this label, or for any, are
-        served.
-        """
+        """The generators of `resolve` can be made now: serve clients that wait for this label, or for any."""
         for each in tuple(self._waiting):
             if label is None or each == label:
                 self.find(each)

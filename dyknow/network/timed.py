@@ -7,9 +7,7 @@ MANY = 64
 
 
 class TimedProcesses:
-    """Each is called at its deadlines, until it has none; one that raises is left out for a while if exceptions are
-    contained.
-    """
+    """Each is called at its deadlines; after an exception it is left out for a while if exceptions are contained."""
 
     __slots__ = ("_enough", "_instant", "_resting", "_timed")
 

@@ -188,9 +188,7 @@ class StreamCall:
             self._decide_us = now_us + PROPOSE_WITHIN_US
 
     def _forgive(self, now_us: int) -> None:
-        """A platform that is not heard either, soon after its stream has failed, did not withhold it: it was cut off,
-        or died.
-        """
+        """A platform that is not heard soon after its stream failed was cut off, or died: it is not blamed."""
         for unit, since_us in list(self._blamed_us.items()):
             if not self._is_heard(unit) and now_us <= since_us + FORGIVEN_US:
                 del self._blamed_us[unit]

@@ -155,9 +155,7 @@ class CommandCentre:
         return dialogue, self._done()
 
     def follow(self, dialogue: Dialogue, task: str = "") -> None:
-        """Take later news of a delegated task, also of other platforms than the delegate; `task`: its name, if it has
-        another.
-        """
+        """Take later news of a delegated task, also of other platforms; `task`: its name, if it has another."""
         self._participants.permit(dialogue.about)
         self.followed[task or dialogue.conversation] = dialogue
         if len(self.followed) > STANDING:

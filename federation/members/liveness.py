@@ -162,9 +162,7 @@ class Liveness:
         return self._check_us
 
     def heard(self, now_us: int) -> list[str]:
-        """The units that this platform hears directly, for its own heartbeat; without units that are back without their
-        token.
-        """
+        """The units that this platform hears, for its heartbeat; without units that are back without their token."""
         since_us = now_us - SUSPECT_US
         return [
             peer.unit

@@ -60,9 +60,7 @@ class Rider(NamedTuple):
 
 
 class StreamedSamples(NamedTuple):
-    """The message on the key of a stream: its owner's incarnation, samples, riders; and of how many samples one is
-    sent.
-    """
+    """The message on the key of a stream: its owner's incarnation, samples, riders; one of `every` samples is sent."""
 
     boot: int
     samples: Sequence[StreamSample]
@@ -384,9 +382,7 @@ def encode_heartbeat(heartbeat: Heartbeat) -> bytes:
 
 
 def decode_heartbeat(payload: bytes) -> Heartbeat:
-    """A heartbeat; parts that equal those of the last one of its unit, above all the units it hears, are the same
-    objects in both.
-    """
+    """A heartbeat; parts equal to those of its unit's last one, above all the units it hears, are the same objects."""
     if len(payload) > MAX_BEAT:
         unpacking.fail("oversized", f"{len(payload)} bytes")
     unit, boot, seq, wall_us, description, hears, tails = unpacking.array(payload, 7)

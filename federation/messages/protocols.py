@@ -116,9 +116,7 @@ class Conversation:
     cancel: str | None = None
 
     def heard(self, act: Act, now_us: int) -> bool:
-        """We opened it, and hear an answer. True if that closes it; an act that the protocol does not expect moves
-        nothing.
-        """
+        """We opened it, and hear an answer. True if that closes it; an unexpected act moves nothing."""
         performative = act.performative
         if self.phase is Phase.CANCELLING:
             return act.in_reply_to == self.cancel or performative in CLOSING

@@ -128,9 +128,7 @@ def _own_rule(root: str) -> dict[str, Any]:
 
 
 def _rules(peer: RosterMember, root: str) -> list[dict[str, Any]]:
-    """The rules for a peer's messages: its own acts, life and answers; and the keys that it may listen to and ask
-    for.
-    """
+    """The rules for a peer: its own acts, life and answers; and the keys that it may listen to and ask for."""
     names = [peer.unit, f"{peer.unit}-$*"] if peer.role != "uav" else [peer.unit]
     said = ["acl/*/{}/**", "x/{}/**", "hb/{}/**"]
     answered = ["q/{}/**", "{}/df", "time/{}"]

@@ -122,9 +122,7 @@ class DeclaredTimes:
 
 
 def needed_first(change: SpecificationChange, is_past: Callable[[spec.StreamTerm], bool]) -> list[spec.Declaration]:
-    """New streams that begin in the past, after the parts they may need; declarations whose name is still in use are
-    left out.
-    """
+    """New streams that begin in the past, after the parts they may need; without those whose name is still in use."""
     streams = [each for each in change.new if isinstance(each, spec.StreamDeclaration) and is_past(each.term)]
     if not streams:
         return []
@@ -174,9 +172,7 @@ def _makers(specification: Iterable[spec.Declaration]) -> list[spec.Declaration]
 def made_by(
     change: SpecificationChange, before: spec.Specification
 ) -> tuple[SpecificationChange, list[spec.Declaration]]:
-    """The change to declarations that make something, in order, and the earlier ones; where a first link goes, the next
-    takes over.
-    """
+    """The change to makers of streams, in order, and earlier makers; where a first link goes, the next takes over."""
     left, right = _makers(before), _makers(change.wanted)
     gone, new = change.gone, change.new
     if len(left) < len(before) or len(right) < len(change.wanted):

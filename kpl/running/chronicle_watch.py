@@ -156,9 +156,7 @@ class ChronicleWatch:
 
     @property
     def ignored(self) -> Counter[str]:
-        """Counts of samples that were not taken as events, by reason: later than `delay_us`, out of order, no value, no
-        symbol (C3).
-        """
+        """Counts of samples that made no events: later than `delay_us`, out of order, no value, no symbol (C3)."""
         counts = self._dropped + self._events.ignored + self.recogniser.ignored
         for proxy in self.proxies.values():
             counts += proxy.adapter.dropped

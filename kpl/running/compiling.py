@@ -1,6 +1,4 @@
-"""From declarations to processes: the process of a generator declaration, with names of members and of the unit
-put in.
-"""
+"""From generator declarations to processes, with names of members and of the unit put in."""
 
 from collections.abc import Callable, Iterable, Mapping
 from copy import copy
@@ -228,9 +226,7 @@ class Compiler:
     # Checks beforehand
 
     def check(self, new: Iterable[spec.Declaration], wanted: spec.Specification, text: str) -> list[TextError]:
-        """Errors of well-formed declarations that cannot run: units without an implementation, impossible periods,
-        limits.
-        """
+        """Errors of well-formed declarations that cannot run: no implementation, impossible periods, limits."""
         errors: list[TextError] = []
         if len(wanted) > MAX_DECLARATIONS:
             return [too_many(len(wanted), text)]

@@ -129,9 +129,7 @@ class Figure(OnDemand):
 
 
 def _last_us(history: History, now_us: int) -> int:
-    """The longest delay of the samples of the last 100 ms, or of the last sample; of an overdue stream, the time by
-    which it is overdue at least.
-    """
+    """The longest delay in the last 100 ms, or of the last sample; of an overdue stream, the least it is overdue."""
     held = min(history.get_size(), LAST)
     if not held:
         return 0

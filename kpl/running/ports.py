@@ -22,9 +22,7 @@ def nothing() -> None:
 
 
 class Federation(Protocol):
-    """The ports to the room above, for declarations that concern other platforms; each returns a function that undoes
-    it.
-    """
+    """The port for declarations that concern other platforms; each method returns a function that undoes it."""
 
     def define(self, label: SemanticLabel) -> Undo: ...
     def export(self, declaration: Export, term: StreamTerm) -> Undo:

@@ -201,9 +201,7 @@ class _Checker:
         ]
 
     def _symbols(self, domain: Domain, place: Place | None) -> SymbolSet | None:
-        """The symbols in a domain; None, and an error at the place, if it names itself; unknown names are reported
-        elsewhere.
-        """
+        """The symbols in a domain; None, and an error, if it names itself; unknown names are reported elsewhere."""
         key = str(domain)
         if key not in self._sets:
             try:

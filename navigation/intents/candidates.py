@@ -292,9 +292,7 @@ def _direction(motion: FlatMotion, legs: Sequence[FlatPlace], speed: float) -> t
 
 
 class _Ahead(NamedTuple):
-    """The meeting on its own way: levels just clear of the other, the nearest first, places short of it, the farthest
-    first, and the ways away from it.
-    """
+    """The meeting on its own way: levels just clear of it, places short of it, and the ways away from it."""
 
     levels: list[float]
     short: list[FlatPlace]

@@ -48,9 +48,7 @@ class IntentSource(StrEnum):
 
 
 class RightOfWay(IntEnum):
-    """The reason of a right of way; the smaller one goes first, of two equal ones the vehicle whose name sorts
-    first.
-    """
+    """The reason of a right of way; the smaller goes first, of equal ones the vehicle whose name sorts first."""
 
     CANNOT = 0
     """It cannot be commanded: its pilot, a mission that may not be interrupted, RTL, LAND, silence, no member."""
@@ -63,9 +61,7 @@ class RightOfWay(IntEnum):
 
 
 class Contingency(NamedTuple):
-    """The legs that its autopilot flies once its link has been lost for `after_s`; until then, and with no legs, the
-    intent's own.
-    """
+    """The legs after the link has been lost for `after_s`; until then, and without any, those of the intent."""
 
     after_s: float
     legs: tuple[IntendedPlace, ...]

@@ -14,9 +14,7 @@ _NO_FILE, _TOO_LARGE, _NO_TEXT = 22, 27, 84
 
 
 def opened_file(path: Path) -> BinaryIO:
-    """A file, to be read; raises OSError, also for anything but a file: a pipe would block, a device would never
-    end.
-    """
+    """A file, to be read; raises OSError for anything else: a pipe would block, a device would never end."""
     if "\0" in str(path):
         raise OSError(_NO_FILE, "its name is none of a file")
     descriptor = os.open(path, os.O_RDONLY | os.O_NONBLOCK | os.O_NOCTTY | os.O_CLOEXEC)

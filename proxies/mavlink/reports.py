@@ -108,9 +108,7 @@ class VehicleReports:
         self._parameters.forget()
 
     def reports(self, message: Any, valid_us: int) -> tuple[vehicle.Report, ...]:
-        """The reports in `message`; empty for types that do not describe the vehicle and for fields that say
-        unknown.
-        """
+        """The reports in `message`; empty for types that do not describe the vehicle and for unknown fields."""
         handler = DESCRIBING.get(message.get_type())
         return handler(self, message, valid_us) if handler is not None else ()
 
@@ -350,9 +348,7 @@ def _half_turn(angle_rad: float) -> float:
 
 
 def _accuracy_m(stated_mm: int, dilution_100: int) -> float:
-    """Standard deviation of a fix: the receiver's figure, else from its dilution of precision, else a cautious
-    default.
-    """
+    """Standard deviation of a fix: the receiver's, else from its dilution of precision, else a cautious default."""
     if stated_mm > 0:
         return stated_mm / 1000
     return 5.0 if dilution_100 in (0, _UNKNOWN_16) else max(1.0, dilution_100 / 100 * _ASSUMED_ERROR_M)

@@ -50,9 +50,7 @@ from proxies.recordings.packed_lengths import check_lengths
 EVENT, TIME, SHOWN, LOST, SAMPLES = "event", "time", "shown", "lost", "x/"
 ABOUT = "node"
 CLOCK_EPOCH, CLOCK_SPEED, STOPWATCH = "clock_epoch_us", "clock_speed", "stopwatch"
-"""A journal's entries about the federation's clock: reports and samples are valid by it, while entries have the
-node's.
-"""
+"""A journal's entries about the federation's clock, of reports and samples; entries have the node's clock."""
 REMEDY: Final = "a platform whose settings name a `journal` writes one"
 MOST_DEPTH: Final = 24
 """Named tuples and tuples inside one another."""

@@ -261,9 +261,7 @@ class ZenohEdge:
         return True
 
     def _defer(self, effect: wire.WireEffect) -> None:
-        """Handle an effect between two sessions: declarations wait, and puts are lost as on a cut wire, to be sent
-        again.
-        """
+        """Handle an effect between two sessions: declarations wait, and puts are lost as on a cut wire."""
         match effect:
             case wire.Ask(question):
                 self._post(wire.AskEnded(question, self._now_us()))

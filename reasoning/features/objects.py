@@ -28,9 +28,7 @@ BORNE: Final[Mapping[str, str]] = {
 
 
 def quantities(origin: Callable[[], tuple[float, float] | None] = lambda: None) -> Mapping[str, ViewOf]:
-    """The quantities of objects that features are derived from; `origin` (latitude, longitude, degrees) is that of
-    their frame.
-    """
+    """The quantities of objects that features need; `origin` (latitude, longitude, degrees) is that of their frame."""
     return {POSITION: lambda sort: _position(sort, origin()), ALTITUDE: _altitude, VELOCITY: _velocity}
 
 

@@ -66,9 +66,7 @@ class Profile:
 
     @property
     def volume(self) -> Thresholds:
-        """The volume of `well_clear` and `time_to_violation`: the thresholds DMOD, ZTHR, TAUMOD_S and TCOA_S, where it
-        has them.
-        """
+        """The volume of `well_clear` and `time_to_violation`: DMOD, ZTHR, TAUMOD_S and TCOA_S, where it has them."""
         named = zip(_VOLUME, AMONG_SMALL, strict=True)
         return Thresholds(*(_seconds(self.thresholds.get(name, usual)) for name, usual in named))
 

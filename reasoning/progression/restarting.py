@@ -62,9 +62,7 @@ def progressor_of(
     no_value: NoValuePolicy,
     compiler: EvaluationCompiler | None,
 ) -> Progressor:
-    """The progressor of a formula that has no automaton: it grows with its domains, or its remainder is not to be
-    distributed.
-    """
+    """The progressor of a formula without an automaton: it grows with its domains, or is too deep to distribute."""
     compiler = compiler or EvaluationCompiler(domains, no_value)
 
     def instance(formula: Formula) -> Startable:

@@ -214,9 +214,7 @@ class Commands:
         return self._aim(PointMountOrder(radians(yaw_deg), -radians(pitch_deg)))
 
     def _turn_mount(self, order: FlightOrder) -> FlightAnswer:
-        """DO_MOUNT_CONTROL, from before the gimbal protocol: pitch, roll and yaw in degrees, the mode in the last
-        parameter.
-        """
+        """DO_MOUNT_CONTROL, before the gimbal protocol: pitch, roll, yaw in degrees; the mode in the last parameter."""
         pitch_deg, _, yaw_deg, _ = order.params
         if order.altitude_m != mavlink.MAV_MOUNT_MODE_MAVLINK_TARGETING:
             return FlightAnswer.OUT_OF_RANGE

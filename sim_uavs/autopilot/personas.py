@@ -1,6 +1,4 @@
-"""Differences between ArduCopter 4.7, ArduCopter 3.3 and a PX4 multicopter on the wire: numbers of modes, firmware,
-habits.
-"""
+"""Differences between ArduCopter 4.7, ArduCopter 3.3 and a PX4 multicopter on the wire."""
 
 import struct
 from collections.abc import Mapping

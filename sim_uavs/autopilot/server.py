@@ -145,9 +145,7 @@ class AutopilotServer:
 
 
 def together(sent: Sent) -> Iterator[tuple[tuple[str, int], bytes]]:
-    """The messages for one peer, in their order, in as few datagrams as an Ethernet frame allows: autopilots do
-    so too.
-    """
+    """The messages for one peer, in their order, in as few datagrams as an Ethernet frame allows, as autopilots do."""
     waiting: dict[tuple[str, int], bytes] = {}
     for peer, data in sent:
         before = waiting.get(peer, b"")

@@ -1,6 +1,4 @@
-"""Simulated detectors: the detections in the images of a colour and of a thermal camera. Pure; the generator is an
-argument.
-"""
+"""Simulated detectors in the images of a colour and of a thermal camera. Pure; the generator is an argument."""
 
 from collections.abc import Iterable, Sequence
 from math import exp, radians
@@ -95,9 +93,7 @@ class Obstacle(NamedTuple):
 def in_view(
     camera: Intrinsics, pose: CameraPose, states: Iterable[SeenT], obstacles: Sequence[Obstacle]
 ) -> list[tuple[SeenT, Pixel, float]]:
-    """The objects in the camera's view: the pixel of the middle of the lower side, and the length in the image,
-    pixels.
-    """
+    """The objects in the camera's view: the pixel of the middle of the lower side, and the length in pixels."""
     seen = []
     for state in states:
         place = np.array([state.y_m, state.x_m, -state.bottom_m])

@@ -45,9 +45,7 @@ _STEP_S = 0.1
 
 @dataclass(slots=True)
 class Demo:
-    """The context of the steps. Each step returns a sentence and further fields of its JSON line, or raises
-    FederationFailed.
-    """
+    """The context of the steps, each of which returns an outcome or raises FederationFailed."""
 
     call: Call
     seed: int

@@ -97,9 +97,7 @@ def _monitor_row(monitor: MonitorEntry, now_us: int) -> tuple[Shown, ...]:
 
 
 def _show_kind(call: Call, name: str, found: list[MonitorEntry]) -> None:
-    """`proximity: 42 ok, 14 unknown (3)`: the number of monitors in each state; for states other than ok with the
-    platforms concerned.
-    """
+    """`proximity: 42 ok, 14 unknown (3)`: the monitors by state; other states than ok with the platforms concerned."""
     counts: list[Shown] = []
     shows = sorted({one.shows for one in found}, key=lambda word: (*_ORDER, word).index(word))
     for word in shows:

@@ -145,9 +145,7 @@ class _Recognition:
             self._rows.clear()
 
     def partial(self) -> None:
-        """Print the partial instances (8.4): the matched events, the missing ones, and when each is given up at the
-        latest.
-        """
+        """Print the partial instances (8.4): matched events, missing ones, and when each is given up at the latest."""
         rows = []
         for each in self._recogniser.partial_instances():
             instants = {name: _shown(at_ms) for name, at_ms in each.instants.items()}

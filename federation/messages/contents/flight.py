@@ -82,9 +82,7 @@ class Fault(Content):
 
 
 class Fence(ContentPart):
-    """An area that a vehicle does not leave, or, as an exclusion, does not enter: around a place, or within corners;
-    metres above its home.
-    """
+    """An area that a vehicle does not leave, or enter if excluded: around a place, or within corners; above its home."""
 
     name: Line
     centre: Corner | None = None

@@ -1,3 +1,1 @@
-"""The lists of an autopilot, read by the mission protocol: its mission and its fence, item by item, with their
-meaning.
-"""
+"""The lists of an autopilot, read by the mission protocol: the items of its mission and its fence, interpreted."""

@@ -200,9 +200,7 @@ class _Expansion:
         return replace(type_, arguments=arguments, change=change)
 
     def _demanded(self, type_: model.EventType) -> tuple[Condition, ...]:
-        """The declared constraints of an event's arguments and its new value, and of its old one unless that is
-        unknown.
-        """
+        """The declared constraints of an event's arguments and new value, and of its old one unless unknown."""
         declared = self._declared.get(type_.name)
         if declared is None:
             return ()

@@ -329,9 +329,7 @@ class Matcher:
                 store.keep(key, kept)
 
     def _forget_told(self) -> None:
-        """Forget reported instances that cannot be found again, since one of their events, or all their counted ones,
-        are forgotten.
-        """
+        """Forget reported instances that cannot be found again, since an event or all counted ones are forgotten."""
         if self._told:
             self._told = {one for one in self._told if self._remembered(*one)}
         if not self.compiled.fixed:

@@ -163,9 +163,7 @@ class Retention:
             self._oldest[instant] = min(ages)
 
     def kept(self, pattern: int, key: Key, clock_ms: int) -> list[bool]:
-        """For each event of a key whether it is still needed; an event at the clock's time is, to recognise a
-        repeat.
-        """
+        """Whether each event of a key is still needed; one at the clock's time is, to recognise a repeat."""
         times = self._stores[pattern].buckets[key].times
         since = min((self._since(node, key, clock_ms) for node in self._counts[pattern]), default=clock_ms)
         since = min(since, clock_ms)
