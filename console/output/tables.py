@@ -50,7 +50,7 @@ def print_table(console: Console, title: str, columns: Sequence[Column], rows: S
 
 
 def _widths(columns: Sequence[Column], rows: list[list[Text]], available: int) -> list[int] | None:
-    """Each column as wide as its text; columns that wrap share the rest, but fit their words; None: no room."""
+    """The width of each column: of its text, or, if it wraps, a share of the rest that fits its words; None: no room."""
     least, most = [], []
     for at, column in enumerate(columns):
         lines = [Text(column.name), *(line for row in rows for line in row[at].split())]
