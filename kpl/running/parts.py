@@ -47,7 +47,7 @@ class Parts:
     """Makes, replaces and takes away generators as declared.
 
     Attributes:
-        held: the generators, with the prototype of each.
+        held: the declared generators, by label.
         of_families: how to take away what members of families have.
         fed: the generators of each source that is fed from outside.
         objects: makes streams about the objects in streams of object states.

@@ -301,7 +301,7 @@ class Mission:
         return [*self._assume_anew(now_us), *self._search_plan(why, now_us)]
 
     def _assume_anew(self, now_us: int) -> list[MissionEffect]:
-        """Make the assumptions that follow every end of a plan."""
+        """Make the assumptions of the recovery `replan`, which precede every new plan."""
         recovery = self._recoveries.get(model.REPLANNING)
         return [] if recovery is None else self._assume(recovery, {}, now_us)
 
