@@ -81,7 +81,7 @@ class PriorKnowledge:
         )
 
     def of_class(self, type_: str) -> KnownClass:
-        """The knowledge of a type: of all its classes, the lowest first."""
+        """The knowledge of a type: of all its classes, where a lower one overrides a higher one."""
         gaussian: dict[str, tuple[Floats, Floats]] = {}
         categorical: dict[str, Floats] = {}
         for name in reversed(lineage(self._classes, type_)):
