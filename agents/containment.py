@@ -17,7 +17,7 @@ from functools import partial
 from pathlib import PurePath
 from typing import Any, Final, TypeVar
 
-from agents.part import Part, Timed
+from agents.part import Followed, Part, Timed
 from federation import keys
 from federation.messages.descriptions import ConditionEntry
 
@@ -90,7 +90,7 @@ class Containment:
         self.failures: Counter[str] = Counter()
         self.senders: Counter[str] = Counter()
         self.impaired: dict[str, Impairment] = {}
-        self._paused_us: dict[Timed, int] = {}
+        self.paused_us: dict[Timed, int] = {}
         self._lately_us: dict[str, list[int]] = {}
         self._refused_us: dict[str, int] = {}
         self.is_news = False
@@ -141,6 +141,14 @@ class Containment:
             return False
         return True
 
+    def timed(self, part: Part, now_us: int) -> Followed:
+        """Step a part by time; what may follow from that, which is anything if it raises: it is left out for a while then."""
+        try:
+            return part.on_time(now_us)
+        except Exception as error:  # noqa: BLE001  (contained)
+            self._pause(part, place_of(part.on_time), error)
+            return None
+
     def stream_out_us(self, do: Callable[..., object], label: str, error: Exception) -> int:
         """What takes or makes samples of a stream raised: for how long it is left out."""
         where = f"{place_of(do)} of {label}"
@@ -148,7 +156,7 @@ class Containment:
 
     def _pause(self, part: Timed, where: str, error: Exception) -> None:
         found = self.caught(where, error)
-        self._paused_us[part] = self._now_us() + (
+        self.paused_us[part] = self._now_us() + (
             self._weigh(where, found) if not getattr(part, "vital", True) else VITAL_US
         )
 
@@ -160,23 +168,23 @@ class Containment:
 
     def is_stepped(self, part: Part) -> bool:
         """Whether a part is stepped by time now."""
-        until_us = self._paused_us.get(part)
+        until_us = self.paused_us.get(part)
         if until_us is None:
             return True
         if self._now_us() < until_us:
             return False
-        del self._paused_us[part]
+        del self.paused_us[part]
         return True
 
     def due_us(self, part: Timed) -> int | None:
         """When a part, or something in it, is due: not before its pause ends."""
-        until_us = self._paused_us.get(part)
+        until_us = self.paused_us.get(part)
         try:
             due_us = part.deadline_us
         except Exception as error:  # noqa: BLE001  (contained)
             if until_us is None or until_us <= self._now_us():
                 self._pause(part, f"{type(part).__name__}.deadline_us", error)
-            return self._paused_us[part]  # it may be due: it is stepped when its pause ends
+            return self.paused_us[part]  # it may be due: it is stepped when its pause ends
         return due_us if until_us is None or due_us is None else max(due_us, until_us)
 
     # -- members -----------------------------------------------------------------------------------------------

@@ -33,9 +33,10 @@ class Part:
     """One agent, proxy or store of a platform. Every method has a default that does nothing; times are the node clock.
 
     A handler of an event takes (event, node clock) and returns what may follow from it: None when anything may (the
-    default), an empty tuple when nothing does but the effects emitted, a tuple of what may be due earlier when that is
-    all, or `NOT_MINE` when the event is for another part. The last three are for events that come by the
-    thousand.
+    default), an empty tuple when nothing does but the effects emitted, a tuple of what may be due at another time when that
+    and samples are all, or `NOT_MINE` when the event is for another part. The last three are for events that come by the
+    thousand. `on_time` returns the same. The part itself goes without saying there, and so does what follows in both from
+    acts that are sent, samples that wait, peers and alarms.
 
     Attributes:
         offers: the actions it handles, by service.
@@ -43,6 +44,8 @@ class Part:
         takes: by type of event, the method that takes it; a type of key stands for questions on such keys.
         arrivals: by the first chunk of a key, the method that takes what arrives there.
         vital: whether vehicles are not kept apart, or the platform is deaf, without it: never left out for long.
+        heeds_samples: whether samples of streams here may make it due, which handlers that cause some do not name.
+        keeps_acts: whether acts that any part sends make it due: it waits for their answers.
     """
 
     offers: ClassVar[tuple[Offer, ...]] = ()
@@ -50,6 +53,8 @@ class Part:
     takes: ClassVar[Mapping[type, str]] = {}
     arrivals: ClassVar[Mapping[str, str]] = {}
     vital: ClassVar[bool] = False
+    heeds_samples: ClassVar[bool] = False
+    keeps_acts: ClassVar[bool] = False
 
     @property
     def deadline_us(self) -> int | None:
@@ -72,8 +77,9 @@ class Part:
     def start(self, now_us: int) -> None:
         """The platform comes into the federation."""
 
-    def on_time(self, now_us: int) -> None:
-        """Time has passed."""
+    def on_time(self, now_us: int) -> "Followed":  # noqa: ARG002
+        """It is due; called at `deadline_us` or a little later."""
+        return None
 
     def flush(self) -> None:
         """A step that may have changed anything ends: emit what was gathered."""
@@ -97,12 +103,19 @@ class Part:
         return False
 
 
-class _NotMine(tuple[Timed, ...]):
+class Within(NamedTuple):
+    """Something in a part with a deadline of its own, which is asked for instead of that of the whole part."""
+
+    part: Part
+    timed: Timed
+
+
+class _NotMine(tuple[Part, ...]):
     __slots__ = ()
 
 
-NOT_MINE: Final[Sequence[Timed]] = _NotMine()
-Followed: TypeAlias = Sequence[Timed] | None
+NOT_MINE: Final[Sequence[Part]] = _NotMine()
+Followed: TypeAlias = Sequence[Part | Within] | None
 Handler: TypeAlias = Callable[..., Followed]
 
 

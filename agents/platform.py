@@ -13,7 +13,7 @@ from typing import Any, TypeVar
 from agents.actions import Role
 from agents.config import PlatformConfig
 from agents.containment import Containment, place_of, sender_of
-from agents.deadlines import EarliestDeadline
+from agents.deadlines import PartDeadlines
 from agents.effects import Effect, Event, Note
 from agents.part import NOT_MINE, Followed, Handler, Part, PeerChange, overrides
 from agents.parts import Ports
@@ -65,12 +65,15 @@ class Platform:
             now_us=lambda: self._now_us,
             contain=self.containment,
         )
+        self._network = self.ports.network
         self.parts = self.ports.build()
         self.containment.owner_of = lambda unit: self.ports.share_of(unit).owner
-        self._timed = self._having("on_time")
         self._with_peers, self._with_alarms = self._having("on_peer"), self._having("on_alarm")
         self._flushed, self._owing = self._having("flush"), self._having("is_owing")
-        self.deadlines = EarliestDeadline(self._having("deadline_us"), self.containment.due_us)
+        self._finishing = tuple(dict.fromkeys((*self._flushed, *self._owing)))
+        self._keeping_acts = tuple(part for part in self.parts if part.keeps_acts)
+        self._heeding = tuple(part for part in self.parts if part.heeds_samples)
+        self.deadlines = PartDeadlines(self._having("deadline_us"), self.containment)
         self._unstarted: list[Part] = []
         self._arrivals: dict[str, Handler] = {
             chunk: getattr(part, method) for part in self.parts for chunk, method in part.arrivals.items()
@@ -127,6 +130,7 @@ class Platform:
     def on_event(self, event: Event, now_us: int) -> list[Effect]:
         """Take one event; `now_us` is the node clock."""
         self._now_us, self._event = now_us, event
+        self._network.now_us = self.clock.federation_us(now_us)
         take: Handler = _nothing
         try:
             if isinstance(event, Arrived):
@@ -135,7 +139,7 @@ class Platform:
                 take = self._handlers.get(type(event), _nothing)
             followed = take(event, now_us)
             if followed:
-                self.deadlines.hasten(followed)
+                self._hasten(followed)
         except DecodeError as wrong:
             self.refused[wrong.reason] += 1
             self._end_question(event)
@@ -145,21 +149,33 @@ class Platform:
             followed = None
         if followed is None or self.containment.is_news:
             return self.settle()
+        if self._out:
+            self.deadlines.hasten(self._keeping_acts)
         if not followed:
             return self._effects() if self._out else []
-        return self.settle() if self.is_owing else []
+        return self._finish() if self.is_owing else []
 
     def on_time(self, now_us: int) -> list[Effect]:
-        """Let time pass. Call at `deadline_us`; more often is harmless."""
+        """Let time pass: the parts that are due are stepped. Call at `deadline_us`; more often is harmless."""
         self._now_us, self._event = now_us, None
+        self._network.now_us = self.clock.federation_us(now_us)
         if self._unstarted:
             self._start(self._unstarted)
-        for part in self._timed:
+        for part in self.deadlines.due(now_us):
             if self.containment.is_stepped(part):
-                self.containment.step(part, part.on_time, now_us)
+                sent = len(self._out)
+                self._hasten(self.containment.timed(part, now_us))
+                if len(self._out) > sent:
+                    self.deadlines.hasten(self._keeping_acts)
         if self.containment.on_time(now_us):
             self.containment.call(self.ports.offer, now_us, otherwise=None)
-        return self.settle()
+            self.deadlines.forget()
+        return self._finish()
+
+    def _hasten(self, followed: Followed) -> None:
+        self.deadlines.hasten(followed)
+        if followed:
+            self.deadlines.hasten(self._heeding)
 
     @property
     def deadline_us(self) -> int:
@@ -182,9 +198,13 @@ class Platform:
     def settle(self) -> list[Effect]:
         """End a step that may have changed anything, also one that was taken by hand; returns its effects."""
         self.deadlines.forget()
+        return self._finish()
+
+    def _finish(self) -> list[Effect]:
         for part in self._flushed:
             if self.containment.is_stepped(part):
                 self.containment.step(part, part.flush)
+        self.deadlines.hasten(None if self.containment.is_news else self._finishing)
         self.containment.is_news = False
         return self._effects()
 
@@ -197,10 +217,12 @@ class Platform:
 
     def _on_peer(self, change: PeerChange, now_us: int) -> None:
         """Tell each part, whatever the others do."""
+        self.deadlines.forget()
         for part in self._with_peers:
             self.containment.call(part.on_peer, change, now_us, otherwise=None)
 
     def _on_alarm(self, event: AlarmEvent) -> None:
+        self.deadlines.forget()
         for part in self._with_alarms:
             self.containment.call(part.on_alarm, event, self._now_us, otherwise=None)
 

@@ -56,6 +56,7 @@ class Cooperation(Part):
         takers: the consumers of the samples of their streams, by semantic label.
     """
 
+    heeds_samples = True
     offers = (Offer(FEDERATION, (Action(ObjectPicture, "on_object_picture", QUERIED, Role.OBSERVER),)),)
 
     def __init__(

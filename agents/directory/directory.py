@@ -13,7 +13,7 @@ from agents.containment import Containment
 from agents.directory.peer_conditions import PeerConditions
 from agents.effects import Effect, Halt, Impaired, LeaveRequested
 from agents.interface import InterfaceAgent
-from agents.part import ClockCompared, Followed, Part, PeerChange
+from agents.part import ClockCompared, Followed, Part, PeerChange, Within
 from agents.subscribers import Subscribers
 from agents.tasks.authority import Authority
 from agents.tasks.life import TaskLife
@@ -71,7 +71,7 @@ class DirectoryAgent(Part):
         contain: lets it beat though something else of the member raises.
     """
 
-    vital = True
+    vital = keeps_acts = True
     offers = (
         Offer(
             DIRECTORY,
@@ -128,9 +128,9 @@ class DirectoryAgent(Part):
         self._missing: dict[str, int] = {}
         self._to_ask = ASKED
         self._own: Followed = (self,)
-        self._clocks: Followed = (member.offsets,)
-        self._imports: Followed = (member.imports,)
-        self._fed: Followed = (member.imports, *fed)
+        self._clocks: Followed = (Within(self, member.offsets),)
+        self._imports: Followed = (Within(self, member.imports),)
+        self._fed: Followed = (Within(self, member.imports), *fed)
 
     # -- our own entry -----------------------------------------------------------------------------------------
 
@@ -274,14 +274,18 @@ class DirectoryAgent(Part):
     def deadline_us(self) -> int | None:
         return self._member.deadline_us
 
-    def on_time(self, now_us: int) -> None:
+    def on_time(self, now_us: int) -> Followed:
         """Judge the silent, ask for what is not known, put again what is not acknowledged, beat."""
+        acts = self._member.acts
+        ended = acts.ended
         for step in self._member.steps:
             self._contain.step(self, step, now_us)
         if self._peer_conditions.look():
             for condition in self._peer_conditions.conditions():
                 self._note_once(condition.text)
             self.offer(now_us)
+            return None
+        return () if acts.ended == ended else None
 
     # -- questions and subscriptions ---------------------------------------------------------------------------
 

@@ -239,10 +239,12 @@ class FederationAgent(Part):
     def deadline_us(self) -> int | None:
         return 0 if self._exporter.pending else self._exports.deadline_us
 
-    def on_time(self, now_us: int) -> None:
+    def on_time(self, now_us: int) -> Followed:
         """Put the samples that wait, and end contracts whose time is over."""
-        self._on_exports(self._exports.on_time(now_us), now_us)
+        ended = self._exports.on_time(now_us)
+        self._on_exports(ended, now_us)
         self._exporter.flush()
+        return None if ended else ()
 
     # -- imports -----------------------------------------------------------------------------------------------
 

@@ -28,7 +28,7 @@ class UnitWorkers(NamedTuple):
 class LocalInstance(Part):
     """Steps the network of streams, which lives in federation time."""
 
-    vital = True
+    vital = heeds_samples = True
     takes = {Computed: "on_computed"}  # noqa: RUF012  (a declaration)
 
     def __init__(

@@ -9,7 +9,7 @@ from dataclasses import dataclass, field
 from itertools import chain
 from typing import Final
 
-from agents.part import Part, PeerChange
+from agents.part import Followed, Part, PeerChange
 from dyknow import NO_VALUE, Label, Network, Quality, Value
 from dyknow.model.instants import US_PER_S, print_span
 from federation.members.clock import FederationClock
@@ -63,6 +63,8 @@ class PeerMotion(Part):
         now_us: the node clock of the present step.
         offer: tells the directory that conditions have changed, at a time.
     """
+
+    heeds_samples = True
 
     def __init__(
         self,
@@ -147,10 +149,8 @@ class PeerMotion(Part):
     def deadline_us(self) -> int | None:
         return self._look_us
 
-    def on_time(self, now_us: int) -> None:
+    def on_time(self, now_us: int) -> Followed:
         """Compare the vehicles with each other; drop conditions without new evidence."""
-        if self._look_us is None or now_us < self._look_us:
-            return
         new = {unit for unit, peer in self._peers.items() if peer.is_new}
         if new:
             self._compare(new)
@@ -159,9 +159,11 @@ class PeerMotion(Part):
                 del self._seen[name]
                 self._is_news = True
         self._look_us = now_us + LOOK_US if new or self._seen else None
-        if self._is_news:
-            self._is_news = False
-            self._offer(now_us)
+        if not self._is_news:
+            return ()
+        self._is_news = False
+        self._offer(now_us)
+        return None
 
     # -- two that state the same -------------------------------------------------------------------------------
 

@@ -27,6 +27,8 @@ MOST = 4
 class SilentImports(Part):
     """Notes, once a stream, that all its samples are dropped by the policy; a condition while that is so."""
 
+    heeds_samples = True
+
     def __init__(
         self,
         agent: InterfaceAgent,

@@ -13,7 +13,7 @@ from typing import TypeAlias
 from agents.exchange.import_proxy import ImportProxy
 from agents.exchange.label_agreements import LabelAgreements
 from agents.interface import InterfaceAgent
-from agents.part import Part, PeerChange
+from agents.part import Followed, Part, PeerChange
 from dyknow import US_PER_S
 from federation.members.directory import DirectoryFacilitator
 from federation.members.liveness import PlatformGone, PlatformReturned
@@ -117,7 +117,11 @@ class SubscriptionKeeper(Part):
     def deadline_us(self) -> int | None:
         return self._check_us
 
-    def on_time(self, now_us: int) -> None:
+    def on_time(self, now_us: int) -> Followed:
+        self._look(now_us)
+        return ()
+
+    def _look(self, now_us: int) -> None:
         if self._check_us is None or now_us < self._check_us:
             return
         needs = self.needs()

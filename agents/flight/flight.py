@@ -166,11 +166,11 @@ class FlightAgent(Part):
             due_us = earlier(due_us, self._arriving[1].deadline_us)
         return None if due_us is None else self._clock.wall_us(due_us)
 
-    def on_time(self, now_us: int) -> None:
+    def on_time(self, now_us: int) -> Followed:
         federation_us = self._clock.federation_us(now_us)
         self.pilot.on_time(federation_us)
         self._on_estimates(self.streams.on_time(federation_us), now_us)
-        self._tell(now_us)
+        return None if self._tell(now_us) else self._followed
 
     # -- what is ahead -----------------------------------------------------------------------------------------
 

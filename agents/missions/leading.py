@@ -75,6 +75,7 @@ class MissionLeading(Part):
         searches: those of all its missions.
     """
 
+    heeds_samples = True
     offers = (
         Offer(
             COORDINATION,

@@ -3,7 +3,7 @@
 from agents.actions import FEDERATION
 from agents.exchange.import_proxy import ImportProxy
 from agents.monitoring.monitors import UnitMonitors
-from agents.part import ClockCompared, Part, PeerChange
+from agents.part import ClockCompared, Followed, Part, PeerChange
 from dyknow import earlier
 from federation.members.clock import FederationClock, Standing
 from federation.members.deadlines import Deadlines
@@ -25,7 +25,7 @@ class UnitMonitoring(Part):
         offsets: say how far the clock of a unit can be relied on.
     """
 
-    vital = True
+    vital = heeds_samples = True
 
     def __init__(
         self,
@@ -52,10 +52,12 @@ class UnitMonitoring(Part):
         due_us = self._clock.wall_us(due_us)
         return due_us if leave_us is None else earlier(due_us, leave_us)
 
-    def on_time(self, now_us: int) -> None:
+    def on_time(self, now_us: int) -> Followed:
         self.monitors.on_time(self._clock.federation_us(now_us))
-        for unit in self._departed.pop_due(now_us):
+        gone = self._departed.pop_due(now_us)
+        for unit in gone:
             self.monitors.leave(unit)
+        return None if gone else ()
 
     # -- units -------------------------------------------------------------------------------------------------
 

@@ -57,6 +57,7 @@ class Saliency(Part):
         map: of all platforms.
     """
 
+    heeds_samples = True
     offers = (Offer(FEDERATION, (Action(SaliencyRows, "on_saliency_rows", QUERIED, Role.OBSERVER),)),)
 
     def __init__(

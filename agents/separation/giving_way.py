@@ -65,7 +65,7 @@ class GivingWay(Part):
         times: how long its manoeuvres took to begin.
     """
 
-    vital = True
+    vital = heeds_samples = True
     offers = (Offer(COORDINATION, (Action(Avoid, "on_avoid"),)),)
 
     def __init__(

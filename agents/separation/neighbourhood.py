@@ -16,7 +16,7 @@ from agents.flight.peer_fixes import fix_of
 from agents.flight.pilot import Pilot
 from agents.flight.places import Fix
 from agents.monitoring.coordination import Coordination
-from agents.part import Part, PeerChange
+from agents.part import Followed, Part, PeerChange
 from agents.separation.conformance import Conformance
 from agents.separation.neighbours import Neighbour, Neighbours
 from agents.separation.own_intent import OwnIntent
@@ -167,10 +167,13 @@ class Neighbourhood(Part):
     def deadline_us(self) -> int | None:
         return self._due_us
 
-    def on_time(self, now_us: int) -> None:
+    def on_time(self, now_us: int) -> Followed:
         """Ask for what is needed, and report those that are silent."""
-        if self._due_us is None or now_us < self._due_us:
-            return
+        if self._due_us is not None and now_us >= self._due_us:
+            self._look(now_us)
+        return ()
+
+    def _look(self, now_us: int) -> None:
         watched = self.is_watched
         self._due_us = now_us + LOOK_US if watched or self._partners.units or self._silent else None
         present = {entry.unit for entry in self._directory.entries() if entry.kind == "uav"} - {self._unit}

@@ -48,7 +48,7 @@ class Traffic(Part):
         echoes: the member whose vehicle an aircraft is, by identity.
     """
 
-    vital = True
+    vital = heeds_samples = True
     takes = {Reported: "on_reported"}  # noqa: RUF012  (a declaration)
 
     def __init__(

@@ -88,6 +88,9 @@ class Correspondence:
         emit: takes what is to be put on the wire.
         offset_us_of: the clock of a unit minus ours; 0 while it is not known.
         trust: None in an open federation.
+
+    Attributes:
+        ended: how many answers, silences and losses it has passed on.
     """
 
     def __init__(
@@ -105,7 +108,7 @@ class Correspondence:
         self.conversations = Conversations(unit, boot, self._encoded, self._receipt_bytes, self.share_of)
         self._agents, self._audit, self._emit = agents, audit, emit
         self._offset_us_of, self._trust = offset_us_of, trust
-        self._now_us = 0
+        self._now_us, self.ended = 0, 0
         self._pending: dict[str, _Pending] = {}
 
     # -- acts out ----------------------------------------------------------------------------------------------
@@ -338,6 +341,8 @@ class Correspondence:
                     self._audit(now_us, "out", act.receiver.unit, act, "undelivered")
                 case _:
                     self._emit(outcome)
+                    continue
+            self.ended += 1
 
     def _on_incoming(self, act: Act, now_us: int) -> None:
         """An act that answers none of ours; in a conversation of ours that waits for another platform only progress is heard."""

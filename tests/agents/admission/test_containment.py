@@ -6,9 +6,9 @@ import pytest
 
 from agents.admission.admission import Admission
 from agents.containment import DEAF_US, QUIET_US, TRIES
+from agents.exchange.peer_motion import PeerMotion
 from agents.flight.flight import FlightAgent
 from agents.monitoring.unit_monitoring import UnitMonitoring
-from agents.shedding import Shedding
 from dyknow import Network, Policy, Sort
 from federation.messages.contents import Goto, MonitorProximity, Tasks
 from tests.agents.rosters import trust
@@ -41,18 +41,18 @@ def test_a_part_that_raises_by_time_is_out_after_three_times_and_is_well_again_a
 ) -> None:
     platform = pair(wire)
     with monkeypatch.context() as patch:
-        patch.setattr(Shedding, "on_time", fail)
+        patch.setattr(PeerMotion, "on_time", fail)
         wire.run(0.9)
         (text,) = shown(wire)
-        assert text.startswith("impaired (failed): Shedding.fail: RuntimeError: made to [2J fail (test_containment.py:")
+        assert text.startswith("impaired (failed): PeerMotion.fail: RuntimeError: made to [2J fail (test_containment.py:")
         wire.run(30)
-        assert platform.containment.failures["Shedding.fail"] == TRIES
-        assert shown(wire)[0].startswith("impaired (is out, tried again each minute): Shedding.fail")
+        assert platform.containment.failures["PeerMotion.fail"] == TRIES
+        assert shown(wire)[0].startswith("impaired (is out, tried again each minute): PeerMotion.fail")
         wire.run(60)
-        assert platform.containment.failures["Shedding.fail"] == TRIES + 1
+        assert platform.containment.failures["PeerMotion.fail"] == TRIES + 1
     wire.run(QUIET_US / 1e6 + 2)
     assert shown(wire) == []
-    assert wire.nodes["0"].notes[-1] == "no longer impaired: Shedding.fail"
+    assert wire.nodes["0"].notes[-1] == "no longer impaired: PeerMotion.fail"
 
 
 def test_a_vital_part_is_tried_ten_times_a_second_however_often_it_raises(

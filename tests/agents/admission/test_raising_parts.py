@@ -141,7 +141,7 @@ def fail_once(wire: Box, fuses: Fuses, cases: set[tuple[str, str]], rng: Random)
         assert shows(platform) and "unknown" not in shows(platform), cases
     fuses.armed = set()
     platform.containment.impaired.clear()  # so that what comes is shown, of which there are many
-    platform.containment._paused_us.clear()
+    platform.containment.paused_us.clear()
     wire.run(0.2 if not any(kind in AVOIDING for kind, _ in cases) else 3.0)
 
 
