@@ -2,8 +2,7 @@
 
 The vehicle flies as in a mission of the platform itself: its pilot's hands and giving way go first, floor, ceiling,
 fence and range hold, and a vehicle that a mission has is not taken from it. Halts, plans, looks and conclusions are
-reported to the requester, are in the log, and are the state of the task; a question is answered as that of a mission
-is. Times are the node clock.
+reported to the requester, logged, and the state of the task; questions are as those of a mission. Node clock.
 """
 
 from collections.abc import Callable, Iterator

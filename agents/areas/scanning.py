@@ -2,8 +2,7 @@
 
 Lanes follow from the cameras' field of view. The seen cells are a stream, `scanned-area`, which the platforms of a
 division import of each other: when one is gone, and the area is divided again, the others fly over the unseen cells.
-The vehicle is commanded as in a mission, so that its pilot and giving way go before it; that a command centre asked for
-the scan is in the evidence of its task.
+The vehicle is commanded as in a mission, after its pilot and giving way, on the evidence of a command centre's request.
 """
 
 from collections.abc import Callable, Iterable

@@ -1,9 +1,8 @@
 """`(follow object: car3)`: the vehicle flies after an object that the platform sees, by guided orders through its pilot.
 
 The pilot's hands come first: a pilot that takes the vehicle over, and any other order to it, ends the task. Giving way
-comes next: nothing is sent until it is over. A mission is never interrupted. A place that the rules forbid is not flown
-to: the vehicle comes as near as floor, ceiling, range and fence allow. While the object is not seen it is followed
-where it is expected.
+comes next: nothing is sent until it is over. A mission is never interrupted. The vehicle comes as near as floor,
+ceiling, range and fence allow. While the object is not seen it is followed where it is expected.
 """
 
 from collections.abc import Callable, Iterable

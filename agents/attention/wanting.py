@@ -1,8 +1,7 @@
 """`(want symbol: suspect type: cars description: "...")`: an object that is described is looked for until that is cancelled.
 
-An object that comes into view and fits the description is given the symbol, whether a camera is turned to look for it
-(`attend`) or not. The requester is notified when it is found, tracked, lost and found again, at most once a second: of
-several changes the last one.
+An object that comes into view and fits the description is given the symbol, with or without a camera turned to it
+(`attend`). The requester is notified when it is found, tracked, lost and found again, at most once a second.
 """
 
 from collections.abc import Callable

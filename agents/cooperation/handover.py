@@ -1,5 +1,4 @@
-"""Handover as a part: manoeuvres over the areas of several platforms, and the streams that each pair of platforms
-shares for that (thesis 9.2).
+"""Handover as a part: manoeuvres over several platforms' areas, and the streams shared for that by pairs (thesis 9.2).
 
 A platform recognises overtakes of all cars of its picture, and the chronicles of attributes that its specification declares. For cars
 outside its own area it gets data of the platform into whose area they drive: percepts, states, relations or events

@@ -1,8 +1,7 @@
 """The effects of an action, looked at before the action counts as done: `:locate` of an operator.
 
-The unit looks straight down from where it is; an object that is not in view from there is looked for from above. The
-seen place counts, whatever the effects say; an object that was not seen is a failure. Times of streams are federation
-time.
+The unit looks straight down from where it is, and from above at an object that is not in view. The seen place counts,
+whatever the effects say; an object that was not seen is a failure. Times of streams are federation time.
 """
 
 from collections.abc import Mapping

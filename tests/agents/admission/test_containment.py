@@ -44,7 +44,9 @@ def test_a_part_that_raises_by_time_is_out_after_three_times_and_is_well_again_a
         patch.setattr(PeerMotion, "on_time", fail)
         wire.run(0.9)
         (text,) = shown(wire)
-        assert text.startswith("impaired (failed): PeerMotion.fail: RuntimeError: made to [2J fail (test_containment.py:")
+        assert text.startswith(
+            "impaired (failed): PeerMotion.fail: RuntimeError: made to [2J fail (test_containment.py:"
+        )
         wire.run(30)
         assert platform.containment.failures["PeerMotion.fail"] == TRIES
         assert shown(wire)[0].startswith("impaired (is out, tried again each minute): PeerMotion.fail")
