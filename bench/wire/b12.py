@@ -8,13 +8,12 @@ from contextlib import ExitStack, contextmanager
 from typing import Any
 
 from agents.flight.flight import FlightAgent
-from agents.flight.places import FlightPlan
 from bench.fleet.members import Member, Source
 from bench.rows import Figures, Options, Ratio, Side
 from bench.wire.raw import PATIENCE_S, latencies
 from bench.workers import Worker
 from federation.messages.acts import Act, Performative
-from federation.messages.contents import Content, Query, Resume
+from federation.messages.contents import Content, Fault, Query
 from federation.security.trust import Roster, Signer, Trust, Verifier
 from federation.security.trust import RosterMember as Entry
 
@@ -32,7 +31,7 @@ ASKER, ANSWERER = "0", "1"
 PERIOD_US = 5000
 ACTS: dict[str, tuple[Performative, Content]] = {
     "query": (Performative.QUERY_REF, Query(semantic_label="heli-position", op="latest")),
-    "request": (Performative.REQUEST, Resume()),
+    "request": (Performative.REQUEST, Fault(kind="none")),
 }
 
 
@@ -79,13 +78,11 @@ def trust(unit: str, federation: str, now_us: int) -> Trust:
 
 
 class Asking(Member):
-    """One platform of the two; both know their position, and have an empty plan that a request may resume."""
+    """One platform of the two; both know their position, and take faults, which no vehicle is there to have."""
 
     def __init__(self, federation: str, unit: str, *, signed: bool) -> None:
         secured = trust(unit, federation, time.time_ns() // 1000) if signed else None
-        super().__init__(
-            unit, federation, trust=secured, control=True, plan=FlightPlan(()), acts_per_s=1e6, acts_burst=1e6
-        )
+        super().__init__(unit, federation, trust=secured, simulated=True, acts_per_s=1e6, acts_burst=1e6)
         self._left = 0
         self._found_ns: list[int] = []
         self._wrong: list[str] = []
@@ -95,7 +92,7 @@ class Asking(Member):
 
     def ready(self, platforms: int = 2) -> bool:
         super().ready(platforms)
-        self.do(lambda: self.source.start(self.clock.now_us()))
+        self.give()
         self.wait_for(
             lambda: (
                 self.platform.ports.network.generator(
@@ -105,7 +102,7 @@ class Asking(Member):
             ),
             "a position",
         )
-        self.do(self.source.stop)
+        self.rest()
         return True
 
     def ask(self, what: str, count: int, period_us: int) -> dict[str, float]:
