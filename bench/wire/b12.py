@@ -5,11 +5,12 @@ import os
 import time
 from collections.abc import Iterator
 from contextlib import ExitStack, contextmanager
+from functools import partial
 from typing import Any
 
 from agents.flight.flight import FlightAgent
 from bench.fleet.members import Member, Source
-from bench.rows import Figures, Options, Ratio, Side
+from bench.rows import Options, Ratio, Side
 from bench.wire.raw import PATIENCE_S, latencies
 from bench.workers import Worker
 from federation.messages.acts import Act, Performative
@@ -40,29 +41,34 @@ def sides(options: Options) -> Iterator[dict[str, Side]]:
     count = round(200 * options.effort)
     with ExitStack() as stack:
 
-        def pair(name: str, asking: str, answering: str, *given: dict[str, Any]) -> Worker:
+        def pair(name: str, asking: str, answering: str, *given: dict[str, Any]) -> tuple[Worker, Worker]:
             federation = f"bench-b12-{os.getpid()}-{name}"
             to, by = (
                 stack.enter_context(Worker(what, {"federation": federation, **one}))
                 for what, one in zip((answering, asking), given or ({}, {}), strict=True)
             )
-            to.begin("ready")
-            by.call("ready")
-            to.end()
-            return by
+            return to, by
 
         raw = pair("raw", "bench.wire.raw:Asker", "bench.wire.raw:Answerer")
-        found: dict[str, Side] = {"raw": lambda: dict(raw.call("ask", count=count, period_us=PERIOD_US))}
+        ours: dict[str, tuple[Worker, Worker]] = {}
         for name, signed in (("", False), (" signed", True)):
             given = ({"unit": ANSWERER, "signed": signed}, {"unit": ASKER, "signed": signed})
-            asker = pair(f"ours{signed:d}", "bench.wire.b12:Asking", "bench.wire.b12:Asking", *given)
-            for what in ACTS:
-
-                def run(asker: Worker = asker, what: str = what) -> Figures:
-                    return dict(asker.call("ask", what=what, count=count, period_us=PERIOD_US))
-
-                found[what + name] = run
+            ours[name] = pair(f"ours{signed:d}", "bench.wire.b12:Asking", "bench.wire.b12:Asking", *given)
+        pace = {"count": count, "period_us": PERIOD_US}
+        found: dict[str, Side] = {"raw": partial(_ready(raw).call, "ask", **pace)}
+        for name, both in ours.items():
+            asker = _ready(both)
+            found |= {what + name: partial(asker.call, "ask", what=what, **pace) for what in ACTS}
         yield found
+
+
+def _ready(pair: tuple[Worker, Worker]) -> Worker:
+    """The one that asks, once both are there."""
+    to, by = pair
+    to.begin("ready")
+    by.call("ready")
+    to.end()
+    return by
 
 
 def trust(unit: str, federation: str, now_us: int) -> Trust:
