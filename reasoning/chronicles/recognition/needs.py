@@ -69,6 +69,7 @@ class Asked(NamedTuple):
     Attributes:
         reach: the clock until which another event may come, or a late end matters.
         awaited: the other events.
+        others: those of them that must have come at some clock.
     """
 
     node: EventNode
@@ -100,15 +101,16 @@ class Needs:
         """Of an event of a node; `bounds` are those of its age, or for an initial value those without."""
         at = node.instant
         awaited = self._all_but(node)
+        limits = self._known_limits(self._compiled.patterns[node.pattern].variables, ())
         others = (self._other(node, one, bounds) for one in self._compiled.events if one is not node)
         return Asked(
             node,
             tuple(-row[at] for row in bounds),
             tuple(bounds[at]),
             max(self._reaches(bounds[at], awaited), default=-UNBOUNDED),
-            self._known_limits(self._compiled.patterns[node.pattern].variables, ()),
+            limits,
             awaited,
-            tuple(one for one in others if one is not None),
+            tuple(one for one in others if one is not None and (limits or one.last < UNBOUNDED // 2)),
         )
 
     def _all_but(self, *nodes: EventNode) -> tuple[Point, ...]:

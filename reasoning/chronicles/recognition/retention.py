@@ -100,8 +100,9 @@ class Retention:
     def kept(self, pattern: int, key: Key, clock_ms: int) -> list[bool]:
         """For each event of a key whether it is still needed; what has the clock's time is, to know it from a repeat."""
         times = self._stores[pattern].buckets[key].times
-        since = min((self._since(node, key, clock_ms) for node in self._counts[pattern]), default=clock_ms)
-        since = min(since, clock_ms)
+        since = clock_ms
+        for node in self._counts[pattern]:
+            since = min(since, self._since(node, key, clock_ms))
         events, alive = self._events[pattern], self._alive
         kept = []
         for time in times:
@@ -161,11 +162,11 @@ class Retention:
             if not self._awaits(windows, asked.awaited, clock_ms):
                 return False
         for other in asked.others:
-            first, last = time_ms + other.first, time_ms + other.last
-            if windows is not None:
-                low, high = windows
-                first = low[other.node.instant] + other.node.shift_ms
-                last = high[other.node.instant] + other.node.shift_ms
+            if windows is None:
+                first, last = time_ms + other.first, time_ms + other.last
+            else:
+                instant, shift_ms = other.node.instant, other.node.shift_ms
+                first, last = windows.low[instant] + shift_ms, windows.high[instant] + shift_ms
             if last < clock_ms and not self._has(asked, other, key, time_ms, first, last, windows, clock_ms):
                 return False
         return True
