@@ -63,7 +63,7 @@ class Other(NamedTuple):
         )
 
 
-class Asked(NamedTuple):
+class EventNeeds(NamedTuple):
     """Constraints on the events of one node: the windows of all instants from its own on, and what narrows them.
 
     Attributes:
@@ -97,13 +97,13 @@ class Needs:
         self.limits = [node for node in compiled.counts if node.maximum is not None and not node.across]
         self.late_ends = [node.end for node in compiled.counts if node.late]
 
-    def asked(self, node: EventNode, bounds: Bounds) -> Asked:
+    def of(self, node: EventNode, bounds: Bounds) -> EventNeeds:
         """Of an event of a node; `bounds` are those of its age, or for an initial value those without."""
         at = node.instant
         awaited = self._all_but(node)
         limits = self._known_limits(self._compiled.patterns[node.pattern].variables, ())
         others = (self._other(node, one, bounds) for one in self._compiled.events if one is not node)
-        return Asked(
+        return EventNeeds(
             node,
             tuple(-row[at] for row in bounds),
             tuple(bounds[at]),

@@ -13,7 +13,7 @@ from typing import Any, NamedTuple
 from reasoning.chronicles.definition.compilation import Compiled, CountNode, EventNode
 from reasoning.chronicles.definition.expansion import Point
 from reasoning.chronicles.definition.network import UNBOUNDED
-from reasoning.chronicles.recognition.needs import Asked, Needs, Other, Windows, part
+from reasoning.chronicles.recognition.needs import EventNeeds, Needs, Other, Windows, part
 from reasoning.chronicles.recognition.stores import MINUS_INFINITY, SINCE_EVER, Key, Store
 
 
@@ -37,15 +37,15 @@ class Retention:
 
     def __init__(self, compiled: Compiled, stores: Sequence[Store], waiting: Collection[Any]) -> None:
         self._compiled, self._stores, self._waiting = compiled, stores, waiting
-        needs = Needs(compiled, stores)
+        of_nodes = Needs(compiled, stores)
         self._counts: list[list[CountNode]] = [
             [node for node in compiled.counts if node.pattern == pattern] for pattern in range(len(stores))
         ]
-        self._limits = needs.limits
+        self._limits = of_nodes.limits
         self._instants = tuple(node.instant for node in compiled.events)
         self._last = [(node.instant, node.shift_ms) for node in compiled.events]
         self._last += [node.end for node in compiled.counts if node.late or node.maximum is not None]
-        self._late_ends = needs.late_ends
+        self._late_ends = of_nodes.late_ends
         self._reach = [
             (self._reaching(compiled.bounds, instant), self._reaching(compiled.aged, instant))
             for instant in range(compiled.size)
@@ -53,13 +53,13 @@ class Retention:
         self._oldest: dict[int, int] = {}
         self._events = [
             [
-                (needs.asked(node, compiled.aged), needs.asked(node, compiled.bounds))
+                (of_nodes.of(node, compiled.aged), of_nodes.of(node, compiled.bounds))
                 for node in compiled.events
                 if node.pattern == pattern
             ]
             for pattern in range(len(stores))
         ]
-        """By pattern: of each node what is asked of an event, and of an initial value, which has no age."""
+        """By pattern: what an event of each node needs, and what an initial value does, which has no age."""
 
     def dooms(self, pattern: int) -> tuple[Doom, ...]:
         """What an event of a pattern dooms."""
@@ -67,8 +67,8 @@ class Retention:
             doom
             for count in self._limits
             if count.pattern == pattern and count.maximum == 0
-            for asked in self._events
-            if len(asked) == 1 and (doom := self._doom(count, asked[0][0].node)) is not None
+            for needs in self._events
+            if len(needs) == 1 and (doom := self._doom(count, needs[0][0].node)) is not None
         )
 
     def _doom(self, count: CountNode, node: EventNode) -> Doom | None:
@@ -108,9 +108,9 @@ class Retention:
         for time in times:
             keep = time >= since
             if not keep:
-                for asked, initial in events:
-                    at_ms = time - asked.node.shift_ms
-                    if alive(initial if at_ms < SINCE_EVER else asked, key, at_ms, clock_ms):
+                for needs, initial in events:
+                    at_ms = time - needs.node.shift_ms
+                    if alive(initial if at_ms < SINCE_EVER else needs, key, at_ms, clock_ms):
                         keep = True
                         break
             kept.append(keep)
@@ -148,26 +148,26 @@ class Retention:
             latest = max(latest, min(oldest, clock_ms) - apart)
         return latest
 
-    def _alive(self, asked: Asked, key: Key, time_ms: int, clock_ms: int) -> bool:
+    def _alive(self, needs: EventNeeds, key: Key, time_ms: int, clock_ms: int) -> bool:
         """Whether an event may become a part of an instance that is not complete yet."""
-        if time_ms + asked.reach < clock_ms:
+        if time_ms + needs.reach < clock_ms:
             return False
         windows = None
-        if asked.limits:
-            windows = asked.windows(time_ms)
-            for count, key_of in asked.limits * 2:  # what one narrows, another may narrow further
+        if needs.limits:
+            windows = needs.windows(time_ms)
+            for count, key_of in needs.limits * 2:  # what one narrows, another may narrow further
                 bucket = self._stores[count.pattern].buckets.get(key_of(key))
                 if bucket is not None:
                     self._narrow(windows, count, bucket.times)
-            if not self._awaits(windows, asked.awaited, clock_ms):
+            if not self._awaits(windows, needs.awaited, clock_ms):
                 return False
-        for other in asked.others:
+        for other in needs.others:
             if windows is None:
                 first, last = time_ms + other.first, time_ms + other.last
             else:
                 instant, shift_ms = other.node.instant, other.node.shift_ms
                 first, last = windows.low[instant] + shift_ms, windows.high[instant] + shift_ms
-            if last < clock_ms and not self._has(asked, other, key, time_ms, first, last, windows, clock_ms):
+            if last < clock_ms and not self._has(needs, other, key, time_ms, first, last, windows, clock_ms):
                 return False
         return True
 
@@ -184,7 +184,7 @@ class Retention:
 
     def _has(
         self,
-        asked: Asked,
+        needs: EventNeeds,
         other: Other,
         key: Key,
         time_ms: int,
@@ -210,7 +210,7 @@ class Retention:
                 return True
             begin, end = bisect_left(times, first), bisect_right(times, last)
             if begin < end:
-                broken = self._broken(asked, other, key, theirs)
+                broken = self._broken(needs, other, key, theirs)
                 if broken is None:
                     return True
                 if not broken and windows is None:
@@ -218,12 +218,12 @@ class Retention:
                     for mine_ms, their_ms in other.reaches:
                         if time_ms + mine_ms >= clock_ms and latest_ms + their_ms >= clock_ms:
                             return True
-                elif self._pair(other, times[begin:end], broken, windows or asked.windows(time_ms), clock_ms):
+                elif self._pair(other, times[begin:end], broken, windows or needs.windows(time_ms), clock_ms):
                     return True
         return False
 
     def _broken(
-        self, asked: Asked, other: Other, mine: Key, theirs: Key
+        self, needs: EventNeeds, other: Other, mine: Key, theirs: Key
     ) -> list[tuple[CountNode, Sequence[int]]] | None:
         """What predicates count that have all their variables from both events; None: no predicate has."""
         if not other.own_limits and not other.limits:
@@ -234,7 +234,7 @@ class Retention:
             if bucket is not None:
                 found.append((count, bucket.times))
         if other.limits:
-            both = (*_several(mine, asked.node, self._compiled), *_several(theirs, other.node, self._compiled))
+            both = (*_several(mine, needs.node, self._compiled), *_several(theirs, other.node, self._compiled))
             for count, key_of in other.limits:
                 bucket = stores[count.pattern].buckets.get(key_of(both))
                 if bucket is not None:
