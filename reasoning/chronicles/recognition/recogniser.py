@@ -15,7 +15,7 @@ from reasoning.chronicles.definition.model import ChronicleFile
 from reasoning.chronicles.definition.times import LIMIT_MS
 from reasoning.chronicles.recognition.expectation import LIMIT_TRIED, Partial, partial_instances
 from reasoning.chronicles.recognition.matching import ChronicleInstance, Matcher, RecognitionLimits
-from reasoning.chronicles.recognition.stores import MINUS_INFINITY, Values
+from reasoning.chronicles.recognition.stores import MINUS_INFINITY, Key, Values, getter
 
 LIMIT_SELECTIONS: Final = 4096
 """Combinations of symbols, per event name, whose selection is remembered."""
@@ -29,17 +29,17 @@ class _Dispatch:
 
     def __init__(self) -> None:
         self._targets: list[tuple[Matcher, int, Pattern]] = []
-        self._places: tuple[int, ...] = ()
-        self._selected: dict[Values, Targets] = {}
+        self._symbols = getter(())
+        self._selected: dict[Key, Targets] = {}
 
     def add(self, matcher: Matcher, index: int, pattern: Pattern) -> None:
         self._targets.append((matcher, index, pattern))
         places = {place for _, _, one in self._targets for place, _ in one.constants}
-        self._places, self._selected = tuple(sorted(places)), {}
+        self._symbols, self._selected = getter(sorted(places)), {}
 
     def targets(self, values: Values) -> Targets:
         """Matchers with their patterns whose symbols are those of the event."""
-        symbols = tuple([values[place] for place in self._places])
+        symbols = self._symbols(values)
         found = self._selected.get(symbols)
         if found is None:
             found = self._select(values)
@@ -153,7 +153,10 @@ class Recogniser:
         self.events += 1
         dispatch = self._changes.get((name, len(arguments)))
         if dispatch is not None:
-            self._deliver(dispatch, (*arguments, old, new), at_ms, told)
+            values = (*arguments, old, new)
+            targets = dispatch.targets(values)
+            if targets:
+                self._deliver(targets, values, at_ms, told)
         return told
 
     def on_message(self, at_ms: int, name: str, arguments: tuple[str, ...]) -> list[ChronicleInstance]:
@@ -164,7 +167,7 @@ class Recogniser:
         self.events += 1
         dispatch = self._messages.get((name, len(arguments)))
         if dispatch is not None:
-            self._deliver(dispatch, arguments, at_ms, told)
+            self._deliver(dispatch.targets(arguments), arguments, at_ms, told)
         return told
 
     def on_time(self, now_ms: int) -> list[ChronicleInstance]:
@@ -207,24 +210,26 @@ class Recogniser:
     def _earliest(self) -> int | None:
         return min((due for one in self._matchers if (due := one.deadline_ms) is not None), default=None)
 
-    def _deliver(self, dispatch: _Dispatch, values: Values, at_ms: int, told: list[ChronicleInstance]) -> None:
+    def _deliver(self, targets: Targets, values: Values, at_ms: int, told: list[ChronicleInstance]) -> None:
         clock_ms = at_ms if self.clock_ms is None or at_ms != MINUS_INFINITY else self.clock_ms
-        if more := self._hand(dispatch, values, at_ms, clock_ms, told):
+        if more := self._hand(targets, values, at_ms, clock_ms, told):
             self._spread(more, clock_ms, told)
 
     def _spread(self, events: Events, clock_ms: int, told: list[ChronicleInstance]) -> None:
         """Chronicles that are recognised are events, by which others may be recognised: layer by layer."""
         while events:
             events = [
-                one for dispatch, values in events for one in self._hand(dispatch, values, clock_ms, clock_ms, told)
+                one
+                for dispatch, values in events
+                for one in self._hand(dispatch.targets(values), values, clock_ms, clock_ms, told)
             ]
 
     def _hand(
-        self, dispatch: _Dispatch, values: Values, at_ms: int, clock_ms: int, told: list[ChronicleInstance]
+        self, targets: Targets, values: Values, at_ms: int, clock_ms: int, told: list[ChronicleInstance]
     ) -> Events:
         """Give an event to all matchers that wait for it; the events that what they recognise is."""
         more: Events = []
-        for matcher, indexes, patterns in dispatch.targets(values):
+        for matcher, indexes, patterns in targets:
             matching: Sequence[int] = indexes
             if patterns is not None:
                 matching = [at for at, pattern in zip(indexes, patterns, strict=True) if _is_of(pattern, values)]
