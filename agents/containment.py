@@ -142,7 +142,7 @@ class Containment:
         return True
 
     def timed(self, part: Part, now_us: int) -> Followed:
-        """Step a part by time; what may follow from that, which is anything if it raises: it is left out for a while then."""
+        """Step a part by time; returns the parts it may have made due; None: any, and it is left out if it raised."""
         try:
             return part.on_time(now_us)
         except Exception as error:  # noqa: BLE001  (contained)

@@ -1,7 +1,7 @@
 """Extensions: modules from outside that bring parts of platforms, semantic labels, or commands.
 
-A module exposes `PARTS` (classes derived from `agents.part.Part`; see `agents.parts.Ports` for what their constructors
-may name), `LABELS` (TOML like federation/sharing/ontology.toml), `COMMANDS` (for the command line), or several of these.
+A module exposes `PARTS` (classes derived from `agents.part.Part`, built of `agents.ports`), `LABELS` (TOML like
+federation/sharing/ontology.toml), `COMMANDS` (for the command line), or several of these.
 """
 
 from collections.abc import Iterable, Mapping

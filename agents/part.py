@@ -24,6 +24,9 @@ PeerChange: TypeAlias = DirectoryEvent | ClockCompared
 class Timed(Protocol):
     """What has work at a time: a part, or something in it that has a deadline of its own."""
 
+    def __init__(self, _ports: object, _parts: object) -> None:
+        """Build it of an `agents.ports.Ports` and the other parts, an `agents.ports.PartRegistry`."""
+
     @property
     def deadline_us(self) -> int | None:
         """When it has work next, or a little earlier (node clock); 0 for at once."""

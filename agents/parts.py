@@ -96,7 +96,7 @@ class PlatformParts(PartRegistry):
 
     def __init__(self, config: PlatformConfig) -> None:
         super().__init__()
-        self._config, self._kinds = config, _kinds(config)
+        self.config, self._kinds = config, _kinds(config)
 
     def build(self, ports: Ports) -> tuple[Part, ...]:
         """All parts of the platform.
@@ -117,7 +117,7 @@ class PlatformParts(PartRegistry):
 
     @property
     def lasting(self) -> frozenset[str]:
-        return lasting_heads(self._config.extensions)
+        return lasting_heads(self.config.extensions)
 
     def offer(self, at_us: int) -> None:
         self[DirectoryAgent].offer(at_us)

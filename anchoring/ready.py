@@ -44,9 +44,9 @@ READY_CONDITIONS: Final[Mapping[str, tuple[Formula, ...]]] = {
 """Establish, reestablish and maintain, by the name of the unit of a link."""
 ANYWHERE: Final = Lasting()
 ALONG_ROADS: Final = Lasting(predicted=1.0)
-"""What roads lead is expected where it is for longer."""
+"""Objects that roads lead are expected at their predicted place for longer."""
 SLACK_M: Final = 3.0
-"""Beyond the edge of a road a position counts as on it: what sensors err."""
+"""Tolerance for errors of sensors: a position this far beyond the edge of a road counts as on it."""
 ROAD_NOISE: Final = 4.0
 """Of predictions along roads, m^2/s^3: so much drivers change their speed while they are not seen."""
 

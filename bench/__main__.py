@@ -31,9 +31,10 @@ def rows() -> list[str]:
 
 def measured(name: str, options: Options) -> dict[str, Any]:
     row = cast("Row", import_module(module_of(_HERE, name)))
-    print(f"{name}  {row.TITLE}", flush=True)
+    print(f"{name}  {row.TITLE}{' (a trial: its figures say nothing)' if options.is_trial else ''}", flush=True)
     with row.sides(options) as sides:
-        found = interleave({side: run for side, run in sides.items() if options.wants(side)}, options.rounds)
+        wanted = {side: run for side, run in sides.items() if options.wants(side)}
+        found = interleave(wanted, options.rounds, warm=0 if options.is_trial else 1)
     middle = medians(found)
     judged = [verdict for bar in row.BARS if (verdict := judge(bar, found)) is not None]
     _show({side: figures for side, figures in middle.items() if side not in getattr(row, "QUIET", ())}, judged)
@@ -78,21 +79,22 @@ def main() -> int:
     parser.add_argument("--against", type=Path, metavar="DIR", help="measure a checkout in DIR as well, A B A B")
     asked = parser.parse_args()
     options = Options(asked.rounds, asked.effort, frozenset(asked.side))
+    found = [
+        compared(name, asked.against, options) if asked.against else measured(name, options)
+        for name in asked.rows or rows()
+    ]
     report = {
         "taken": datetime.now(UTC).isoformat(timespec="seconds"),
         "machine": machine(),
         "options": {**asdict(options), "sides": sorted(options.sides)},
-        "rows": [
-            compared(name, asked.against, options) if asked.against else measured(name, options)
-            for name in asked.rows or rows()
-        ],
+        "rows": found,
     }
     asked.out.mkdir(parents=True, exist_ok=True)
     names = "-".join([*asked.rows, *(["against"] if asked.against else [])]) or "all"
     path = asked.out / f"{datetime.now(UTC):%Y%m%dT%H%M%S}-{names}.json"
     path.write_text(json.dumps(report, indent=1) + "\n", encoding="utf-8")
     print(f"kept in {path}")
-    return 0 if all(bar["met"] for row in report["rows"] for bar in row["bars"]) else 1
+    return 0 if all(bar["met"] for row in found for bar in row["bars"]) else 1
 
 
 if __name__ == "__main__":

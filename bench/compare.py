@@ -23,13 +23,13 @@ class Judged(NamedTuple):
     met: bool
 
 
-def interleave(sides: Mapping[str, Side], rounds: int) -> dict[str, list[Figures]]:
-    """Every side once per round, in the same order. One round to warm up does not count."""
+def interleave(sides: Mapping[str, Side], rounds: int, warm: int = 1) -> dict[str, list[Figures]]:
+    """Every side once per round, in the same order. The `warm` rounds before do not count."""
     found: dict[str, list[Figures]] = {name: [] for name in sides}
-    for number in range(rounds + 1):
+    for number in range(warm + rounds):
         for name, run in sides.items():
             figures = run()
-            if number:
+            if number >= warm:
                 found[name].append(figures)
     return found
 

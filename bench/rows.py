@@ -45,6 +45,10 @@ class Limit:
 Bar = Ratio | Above | Limit
 
 
+TRIAL = 0.1
+"""An effort below this one is a trial, which shows that a row runs, and nothing else."""
+
+
 @dataclass(frozen=True, slots=True)
 class Options:
     """How much to measure: `rounds` of every side, each `effort` times as long as it has to be."""
@@ -56,6 +60,14 @@ class Options:
     def wants(self, side: str) -> bool:
         return not self.sides or side in self.sides
 
+    @property
+    def is_trial(self) -> bool:
+        return self.effort < TRIAL
+
+    def size(self, usual: int, trial: int) -> int:
+        """What no effort shortens, since the figures are about it: how many processes, vehicles or streams there are."""
+        return trial if self.is_trial else usual
+
 
 class Row(Protocol):
     """A module of this package named after its row."""
@@ -66,6 +78,8 @@ class Row(Protocol):
     """Sides that are kept but not printed; a module need not have it."""
     COMPARED: tuple[str, ...]
     """What two trees are compared by, where the bars' own figures are slopes or counts; need not be there either."""
+    EXTRA: Mapping[str, str]
+    """Sides that are there only where a module is installed, and that module; need not be there either."""
 
     @staticmethod
     def sides(options: Options) -> AbstractContextManager[Mapping[str, Side]]:

@@ -9,6 +9,7 @@ import os
 import sys
 from importlib import import_module
 from pathlib import Path
+from typing import Any
 
 WARM, COUNTED = 1, 3
 """Rounds of every side in a turn; the first ones import and compile."""
@@ -22,9 +23,9 @@ def module_of(bench: Path, row: str) -> str:
     return ".".join(["bench", *found.relative_to(bench).with_suffix("").parts])
 
 
-def own_sides(row: object) -> list[str]:
+def own_sides(row: Any) -> list[str]:
     """The sides of a row that are about us and not about a peer: those its bars are about."""
-    return list(dict.fromkeys(bar.ours for bar in row.BARS))  # type: ignore[attr-defined]
+    return list(dict.fromkeys(bar.ours for bar in row.BARS))
 
 
 def main() -> None:

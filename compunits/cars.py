@@ -1,4 +1,4 @@
-"""Cars on roads: how they drive, and what each is to each other on one road (thesis 8.7.4, 8.7.5).
+"""Cars on roads: how they drive, and the relations of two cars on one road (thesis 8.7.4, 8.7.5).
 
 Positions are metres in a local frame, x to the east and y to the north; directions are degrees clockwise from north. The
 units are made to be put one behind the other:
@@ -34,7 +34,7 @@ _SIGNIFICANT: Final = 8.0
 _PLACE: Final = (Field("symbol", "text"), Field("x_m", "m"), Field("y_m", "m"))
 _AREAS: Final = (Field("link", "text"), Field("crossing", "text"))
 SEEN_CAR: Final = Sort("seen-car", (*_PLACE, Field("road_deg", "deg"), *_AREAS), is_open=True)
-"""Where a car is seen, and what the map says of that place: the direction of the road segment, the link, the crossing.
+"""The place of a car, with the map's data for it: the direction of the road segment, the link, the crossing.
 
 More fields may follow, such as `end in bool`, by which a car is no longer there.
 """
@@ -50,7 +50,7 @@ ROAD_RELATIONS: Final = Sort(
     "road-relations",
     tuple(Field(name, "bool") for name in ("behind", "beside", "in_front", "left", "right", "oncoming", "close")),
 )
-"""What `RoadRelations` gives: `car_relations.behind[car1, car2]` is "car1 is behind car2"."""
+"""The output of `RoadRelations`: `car_relations.behind[car1, car2]` is "car1 is behind car2"."""
 
 
 GLOBAL_OBJECT: Final = Sort(
@@ -102,9 +102,10 @@ class _Trend:
 class CarOnRoad:
     """The car drives along its road segment or against it, as its motion says (thesis 8.7.5).
 
-    "The current direction of the car as estimated by the derivative of the position" is compared with that of the segment
-    whenever the car has moved by `metres`, the first time as soon as a quarter of that cannot be an error of the positions; before
-    there is no output. What stands or wavers keeps its direction, also onto a segment that is drawn the other way round.
+    "The current direction of the car as estimated by the derivative of the position" is compared with that of the
+    segment whenever the car has moved by `metres`, the first time as soon as a quarter of that cannot be an error of
+    the positions; before there is no output. A car that stands or wavers keeps its direction, also onto a segment that
+    is drawn the other way round.
 
     Args:
         metres: the larger, the less an error of the positions can turn the car round, and the later it is known.
@@ -260,7 +261,7 @@ class RoadRelations:
 
 
 def relations_of(ahead_m: float, right_m: float, agreement: float, most_m: float) -> Value:
-    """What `RoadRelations` gives for an offset; no value where both are in one place."""
+    """The output of `RoadRelations` for an offset; no value where both are in one place."""
     if not ahead_m and not right_m:
         return NO_VALUE
     quarter = round(heading_deg(ahead_m, right_m) / 90.0) % 4
@@ -285,7 +286,7 @@ def _names(value: Value) -> tuple[str, ...]:
 class Subjects:
     """A class of objects that a chronicle forms: the first argument of all instances of the last `seconds`, an hour.
 
-    Its input is the stream of what is recognised, `chronicle[wrong_side]`; an output whenever the class changes, also by time.
+    Its input is the stream of instances, `chronicle[wrong_side]`; an output whenever the class changes, also by time.
     """
 
     def __init__(self, seconds: float = 3600.0) -> None:
@@ -321,6 +322,8 @@ class Subjects:
 
 @computational_unit("object", "object", "object", name="Either", needs_all=False)
 def either(_now_us: int, one: Sample | None, other: Sample | None) -> Value:
-    """The objects that one of two sets names, or both; no value where there is none. What is not there yet is empty."""
+    """The objects that one of two sets names, or both; no value where there is none. An input without a sample is
+    empty.
+    """
     named = (_names(each.value) for each in (one, other) if each is not None)
     return tuple(dict.fromkeys(name for names in named for name in names)) or NO_VALUE

@@ -38,7 +38,7 @@ FACTORS: Final[Mapping[str, tuple[float, float]]] = {
 
 @computational_unit("?to", "?from", samplewise=True)
 class Conversion:
-    """scale x + offset; what is not made of finite numbers has no value."""
+    """scale x + offset; an input that is not made of finite numbers has no value."""
 
     def __init__(self, scale: float = 1.0, offset: float = 0.0) -> None:
         if not (math.isfinite(scale) and math.isfinite(offset)):

@@ -25,7 +25,7 @@ Criterion: TypeAlias = Literal["determinant", "trace"]
 _GOLDEN = (math.sqrt(5.0) - 1.0) / 2.0
 _STEPS = 45
 _LEAST_CERTAINTY = 1e-9
-"""What is less certain has no part."""
+"""A less certain estimate has no part."""
 
 
 class Intersection(NamedTuple):

@@ -1,4 +1,4 @@
-"""Kalman filters whose estimates say how far off they may be: `quality.covariance` of what comes out.
+"""Kalman filters whose estimates state their errors: `quality.covariance` of the output.
 
 A measurement is weighed by the covariance its sample carries; where it carries none, by `deviation`. Where a sample has
 no value the estimate is predicted to its time, for at most `silence_s` beyond the last measurement; after that there is
@@ -71,7 +71,7 @@ class Axes:
         return self.valid_us is not None and valid_us < self.valid_us
 
     def step(self, valid_us: int, measured: Numbers | None, variances: Matrix | None) -> bool:
-        """Predict to `valid_us`, which is not late, and take in what was measured; whether there is an estimate then."""
+        """Predict to `valid_us`, which is not late, and take in a measurement; whether there is an estimate then."""
         with np.errstate(all="ignore"):
             if self.valid_us is None or not self.goes_on_at(valid_us):
                 self.valid_us = None
@@ -152,7 +152,7 @@ class _Records:
 
 @computational_unit("?sort", "?sort", history_us=3 * US_PER_S)
 class KalmanConstant(_Records):
-    """What stays where it is, nearly: a random walk of each component.
+    """A quantity that stays nearly constant: a random walk of each component.
 
     Args:
         noise: how fast it may wander, units^2 / s.
@@ -166,7 +166,7 @@ class KalmanConstant(_Records):
 
 @computational_unit("?sort", "?sort", history_us=3 * US_PER_S, cheaper="KalmanConstant")
 class KalmanMoving(_Records):
-    """What moves at a constant rate, nearly: a random walk of the rate of each component.
+    """A quantity that moves at a nearly constant rate: a random walk of the rate of each component.
 
     Args:
         noise: how fast the rate may change, units^2 / s^3.
@@ -255,7 +255,7 @@ class KalmanPosition:
 class KalmanVelocity:
     """Velocity (north, east, down) from positions and altitudes, m/s; covariance in (m/s)^2.
 
-    Valid at the later of the two; what is older is predicted to it. Arguments as for `KalmanPosition`.
+    Valid at the later of the two; the older one is predicted to it. Arguments as for `KalmanPosition`.
     """
 
     def __init__(

@@ -2,7 +2,7 @@
 
 Positions are (latitude, longitude) in degrees, WGS-84; altitudes metres; velocities (north, east, down) in m/s.
 Headings are degrees clockwise from true north, in [0, 360). Distances are metres, speeds m/s. One field of a record or
-a simple value is the same here; what comes out is a simple value.
+a simple value is the same here; the output is a simple value.
 """
 
 import math
@@ -87,7 +87,7 @@ def bearing(one: Position, other: Position) -> Value:
 
 
 class _Past(Generic[Known]):
-    """What was at, or before, the last instant that lies at least `seconds` back."""
+    """The value at, or before, the last instant that lies at least `seconds` back."""
 
     def __init__(self, seconds: float) -> None:
         if not (is_number(seconds) and 0.0 <= seconds < math.inf):
@@ -152,7 +152,7 @@ def _rate(seconds: float, then: float, now: float) -> float:
 class TrackEst:
     """Which way it moves, from successive positions: "the derivative of the position" (thesis 8.7.5), in degrees.
 
-    It is given whenever it has moved by `metres`: what stands still or wavers gives nothing new.
+    It has an output whenever it has moved by `metres`: an object that stands still or wavers gives nothing new.
     """
 
     def __init__(self, metres: float = 0.5) -> None:

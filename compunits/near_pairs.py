@@ -1,6 +1,7 @@
 """Pairs of cars that are near each other: of hundreds that are seen most have nothing to do with each other.
 
-`Pairs` makes all pairs of a set of names; what is computed for each grows with the square of their number. `NearPairs` takes places.
+`Pairs` makes all pairs of a set of names; the cost of units over them grows with the square of their number.
+`NearPairs` takes places.
 """
 
 from collections.abc import Iterator
@@ -11,7 +12,7 @@ from compunits.numeric import numbers_of, positive
 from dyknow import US_PER_S, Sample, Value, computational_unit
 
 _KEPT: Final = 1.2
-"""What was a pair is one until it is that much farther apart: what comes and goes begins from nothing each time."""
+"""A pair remains one until it is that much farther apart: units of pairs that come and go restart each time."""
 _APART_US: Final = 2 * US_PER_S
 """It is a pair for so long while it is farther apart: of a car that was hidden it can still be seen what it has passed."""
 _UNSEEN_US: Final = 5 * US_PER_S
@@ -22,8 +23,8 @@ _PLACED: Final = 3
 class NearPairs:
     """Pairs of two different cars within `metres`, in both orders; an output whenever the set changes.
 
-    Its input is the stream of all cars, `seen_cars`: a symbol, metres east and north, and what follows. A car is there until its
-    last sample, one whose last field is true, as `end` is, or until it was not seen for 5 s.
+    Its input is the stream of all cars, `seen_cars`: a symbol, metres east and north, and further fields. A car is
+    there until its last sample, one whose last field is true, as `end` is, or until it was not seen for 5 s.
 
     Args:
         metres: 100; it is a pair until it has been 1.2 times as far apart for 2 s.
@@ -52,7 +53,7 @@ class NearPairs:
         return tuple((one, other) for one in self._near for other in self._near[one]) if has_changed else None
 
     def _gone(self, now_us: int) -> Iterator[str]:
-        """Those that were not seen for too long: cars are in the order in which they were seen last."""
+        """The cars that were not seen for too long: cars are in the order in which they were seen last."""
         for name, seen_us in self._seen_us.items():
             if now_us - seen_us <= _UNSEEN_US:
                 return

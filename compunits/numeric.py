@@ -1,4 +1,4 @@
-"""Values as numbers: what arrives may be anything, what is computed with is finite."""
+"""Values as numbers: inputs may be anything, computations are with finite numbers."""
 
 import math
 from collections.abc import Callable, Sequence

@@ -1,4 +1,4 @@
-"""What pairs of cars are to each other, filtered, in one unit: there are many pairs, and each unit of a chain costs as much again."""
+"""Relations of pairs of cars, filtered, in one unit: pairs are many, and each unit of a chain costs as much again."""
 
 import math
 from abc import ABC, abstractmethod
@@ -20,7 +20,9 @@ _AREAS: Final = slice(4, 6)
 FOLLOWING: Final = Sort(
     "following", tuple(Field(name, "bool") for name in ("same_lane", "behind", "short_gap", "too_close"))
 )
-"""What `StableFollowing` gives: car 1 is in the lane of car 2; it is behind it; the gap to it is short, and has been so for a while."""
+"""The output of `StableFollowing`: car 1 is in the lane of car 2; it is behind it; the gap to it is short, and has been
+so for a while.
+"""
 
 
 class OneRoad(Protocol):
@@ -59,7 +61,7 @@ class StablePair(ABC):
 
     @abstractmethod
     def _record(self, forward_deg: float) -> Value:
-        """What is so now, by the offsets."""
+        """The relations now, by the offsets."""
 
     def _restart(self) -> None:
         """Nothing is known."""
@@ -158,7 +160,7 @@ class StableRelations(StablePair):
         metres: how near is `close`.
         smooth_s: offsets are the mean over this time.
         stable_s: a relation counts once it has lasted for this time.
-        unseen_s: the longest gap in what is seen of a car.
+        unseen_s: the longest gap between samples of a car.
         every_s: relations are made no more often: cars that are seen ten times a second cost about a quarter less.
     """
 
@@ -186,7 +188,7 @@ class StableFollowing(StablePair):
 
     Args:
         gap_s: a shorter gap is a short one.
-        lasting_s: what lasts for so long is `too_close`.
+        lasting_s: a short gap that lasts for so long is `too_close`.
         lane_m: how wide a lane is; in one lane are cars that are less than half of that apart to the side.
         length_m: of a car.
         least_m_s: a slower car keeps no gap in time.

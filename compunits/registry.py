@@ -27,7 +27,7 @@ from dyknow.model.errors import UnitError
 
 GROUP: Final = "dyknow.units"
 MAX_CAUSE: Final = 500
-"""Characters of what a module that fails may say."""
+"""Most characters of an error from a module that fails."""
 _LIBRARY: Final = (conversions, intersection, kalman, motion, relations, smoothing, cars, near_pairs, pair_relations)
 _NOT_OFFERED: Final = {"Conversion"}
 _OURS: Final = "the library"
@@ -83,7 +83,8 @@ def _from_file(path: Path) -> ModuleType:
 
 
 def prototypes_of(module: ModuleType) -> Mapping[str, Prototype]:
-    """What a module offers, by name, by itself or in a tuple; what it only imports from the library is none of it.
+    """The prototypes of a module, by name, by itself or in a tuple; those that it only imports from the library are
+    left out.
 
     Raises:
         UnitError: two units of one name.
@@ -142,7 +143,7 @@ class Catalogue:
 
     @property
     def names(self) -> tuple[str, ...]:
-        """Everything that may be asked for, sorted; nothing is loaded for it."""
+        """The names of all prototypes, sorted; nothing is loaded for it."""
         return tuple(sorted({*self._own, *library(), *self._offered}))
 
     def find(self, name: str) -> Prototype:

@@ -18,7 +18,7 @@ from dyknow import NO_VALUE, Field, Sort, Value, value_unit
 CAR_RELATIONS: Final = Sort(
     "car_relations", tuple(Field(name, "bool") for name in ("behind", "beside", "in_front", "left", "right"))
 )
-"""What `CarRelations` gives: `car_relations.behind[car1, car2]` is "car1 is behind car2"."""
+"""The output of `CarRelations`: `car_relations.behind[car1, car2]` is "car1 is behind car2"."""
 
 _COMPASS: Final = ("north", "northeast", "east", "southeast", "south", "southwest", "west", "northwest")
 _SIDES: Final = ("in_front", "right", "behind", "left")

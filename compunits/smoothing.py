@@ -18,7 +18,7 @@ _MOST_REMEMBERED = 10_000
 
 
 class _Window:
-    """What `MovingAverage` and `MovingMedian` share: the samples of the last while."""
+    """The common part of `MovingAverage` and `MovingMedian`: the samples of the last while."""
 
     def __init__(self, seconds: float | None, samples: int | None) -> None:
         if seconds is None and samples is None:
@@ -83,7 +83,7 @@ class MovingMedian:
 
 @computational_unit("?sort", "?sort", history_us=3 * US_PER_S)
 class ExponentialSmoothing:
-    """y + (1 - e^(-dt / T)) (x - y): what is T seconds old counts e times less; dt is the time since the last sample.
+    """y + (1 - e^(-dt / T)) (x - y): a value T seconds old counts e times less; dt is the time since the last sample.
 
     Args:
         seconds: the time constant T.
@@ -112,8 +112,8 @@ class StabilityFilter:
     """It "only changes the value of an attribute if it has been stable for a fixed amount of time" (thesis 8.7.4).
 
     A value passes once the samples of the last `seconds` and the one they began with have all been equal to it; till
-    then the value stays that passed last, and before the first there is nothing. `no_value` is a value here, and what
-    is not finite is `no_value`. The output is valid when the sample that shows it is.
+    then the value stays that passed last, and before the first there is nothing. `no_value` is a value here, and a
+    value that is not finite is `no_value`. The output is valid when the sample that shows it is.
 
     Args:
         seconds: of valid time; "in our case 500 milliseconds".

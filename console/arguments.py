@@ -6,7 +6,7 @@ from typing import Annotated, Literal, TypeAlias
 import typer
 
 Unit: TypeAlias = Annotated[str | None, typer.Option(metavar="U", help="One platform only.")]
-Follow: TypeAlias = Annotated[bool, typer.Option("--follow", "-f", help="Continue with what is new.")]
+Follow: TypeAlias = Annotated[bool, typer.Option("--follow", "-f", help="Continue with new ones.")]
 Count: TypeAlias = Annotated[int | None, typer.Option(metavar="K", min=1, help="Stop after K lines.")]
 Speed: TypeAlias = Annotated[
     float, typer.Option(metavar="X", min=0.001, max=1000, help="How much faster than the wall time runs.")
@@ -40,11 +40,11 @@ Govern: TypeAlias = Annotated[
 ]
 Admit: TypeAlias = Annotated[
     Literal["refuse", "longer"],
-    typer.Option(help="What happens to declarations that there is no time for: refused, or served less often."),
+    typer.Option(help="Declarations that there is no time for are refused, or served less often."),
 ]
 LogLevel: TypeAlias = Annotated[
     Literal["debug", "info", "warning", "error"],
-    typer.Option(help="From which level on what happens is shown."),
+    typer.Option(help="The lowest level of events that are shown."),
 ]
 Metrics: TypeAlias = Annotated[
     int | None,

@@ -1,4 +1,4 @@
-"""How a command is declared: its own options, those every command has, and what its errors become."""
+"""The declaration of a command: its own options, the options of all commands, and the exit codes of its errors."""
 
 import os
 import sys
@@ -27,7 +27,7 @@ PANEL = "Federation and output"
 
 @dataclass(frozen=True, slots=True)
 class Call:
-    """What every command is given: its options from all their sources, and where its output goes."""
+    """The context of every command: its options from all their sources, and its output."""
 
     settings: "Settings"
     out: Output
@@ -53,11 +53,11 @@ def command(*, example: str) -> Callable[[F], F]:
 
 
 USAGE: Any = typer.BadParameter.__mro__[1]
-"""What a call that cannot be parsed raises: click's UsageError, which typer has of its own."""
+"""The exception of a call that cannot be parsed: typer's own copy of click's UsageError."""
 BARE: Mapping[str, str] = {"--control": "guided", "--wait": "acceptance", "-w": "acceptance"}
 """Options that may stand without a value, and the value that they then have; their metavar has brackets."""
 WORDS: Mapping[str, frozenset[str]] = dict.fromkeys(("--wait", "-w"), frozenset({"acceptance", "arrival"}))
-"""The values of those that may stand anywhere, also before what is no value of theirs."""
+"""The values of options that may stand anywhere, also before a word that is none of their values."""
 
 
 class OwnCommand(TyperCommand):
@@ -82,7 +82,7 @@ class OwnCommand(TyperCommand):
             raise
 
     def _is_bare(self, given: str, after: str) -> bool:
-        """Whether an option that may stand without a value does: what follows is none of its values."""
+        """Whether an option is given without a value: the next word is none of its values."""
         options: list[Any] = [each for each in self.params if given in BARE and given in each.opts]
         if not any((each.metavar or "").startswith("[") for each in options):
             return False
@@ -109,7 +109,7 @@ class CommandGroup(TyperGroup):
         self.register(table)
 
     def register(self, table: CommandTable) -> None:
-        """Add commands; those that are there already stay as they are."""
+        """Add commands; existing ones stay as they are."""
         self.table = {**table, **self.table}
         for name, (where, summary) in table.items():
             if " " not in name and name not in self.commands:
@@ -201,7 +201,7 @@ def _carried_out(function: Callable[..., int], context: typer.Context, given: di
     except DyknowError as error:
         sys.stderr.write(f"{context.command_path}: {printable(str(error))}\n")
         return exit_code(error)
-    except ValidationError as error:  # of what the command was to say to a platform
+    except ValidationError as error:  # of the message to a platform
         from federation.messages.contents.parts import in_words
 
         sys.stderr.write(f"{context.command_path}: {printable(in_words(error))}\n")

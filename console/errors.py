@@ -12,5 +12,5 @@ _WRONG = (
 
 
 def exit_code(error: errors.DyknowError) -> int:
-    """The code a command exits with when it ends by `error`; whatever is not the caller's fault is a failure."""
+    """The exit code of a command that ends by `error`; an error that is not the caller's counts as a failure."""
     return NO if isinstance(error, _NO) else WRONG if isinstance(error, _WRONG) else FAILED

@@ -42,18 +42,21 @@ COMMANDS: CommandTable = {
     "link": (f"{_OBJECTS}.link:link", "Which percepts of a recording are the same objects, through gaps and clutter."),
     "world": (
         f"{_OBJECTS}.world:world",
-        "What exists, its type and place, with degrees of belief, from recorded observations.",
+        "Existing objects, their types and places, with degrees of belief, from recorded observations.",
     ),
     "match": (f"{_OBJECTS}.match:match", "Which percepts match a description: the anchoring case, and the recovery."),
     "objects": (f"{_OBJECTS}.objects:objects", "The objects that platforms see, each with its newest state."),
     "saliency": (f"{_OBJECTS}.saliency:saliency", "The persons that platforms have found, on one map."),
-    "explain": (f"{_OBJECTS}.events:explain", "Why an object is what it is: its links, and what made and ended them."),
-    "events": (f"{_OBJECTS}.events:events", "What happened to objects: links made and ended, what was recognised."),
+    "explain": (
+        f"{_OBJECTS}.events:explain",
+        "Why an object has its symbol: its links, and the conditions that made and ended them.",
+    ),
+    "events": (f"{_OBJECTS}.events:events", "The events of objects: links made and ended, recognised chronicles."),
     "delegate": (f"{_MEMBERS}.delegate:delegate", "A task for a platform, as a speech act to its interface agent."),
     "tasks": (f"{_MEMBERS}.delegate:tasks", "Delegated tasks of all platforms."),
     "cancel": (f"{_MEMBERS}.delegate:cancel", "End a task, and take down all it set up."),
     "alarms": (f"{_MEMBERS}.alarms:alarms", "Alarms raised by monitors of all platforms."),
-    "monitors": (f"{_MEMBERS}.monitors:monitors", "What is watched, what it shows, and whether its inputs are fresh."),
+    "monitors": (f"{_MEMBERS}.monitors:monitors", "All monitors, their states, and whether their inputs are fresh."),
     "acts": (
         f"{_MEMBERS}.acts:acts",
         "The message log: speech acts of the interface agents, and the outcome of each.",
@@ -63,23 +66,23 @@ COMMANDS: CommandTable = {
         f"{_RECORDINGS}.replay:replay",
         "Bring a recorded federation back, at any speed: its platforms, their streams and alarms.",
     ),
-    "info": (f"{_RECORDINGS}.info:info", "What is in a recording: platforms, streams, gaps, alarms, acts."),
+    "info": (f"{_RECORDINGS}.info:info", "The contents of a recording: platforms, streams, gaps, alarms, acts."),
     "plot": (f"{_RECORDINGS}.plot:plot", "Values of streams over time as a picture, from platforms or a recording."),
     "foxglove": (f"{_OUTWARD}.foxglove:foxglove", "Serve the federation to Foxglove, live, on this machine."),
     "cot": (f"{_OUTWARD}.cot:cot", "Send Cursor on Target events about platforms, objects and alarms."),
     "remote-id": (f"{_OUTWARD}.remote_id:remote_id", "Send Remote ID messages about platforms."),
     "fault": (f"{_MEMBERS}.delegate:fault", "A fault in a simulated UAV."),
     "demo": (f"{_FLEET}.demo:demo", "The main job end to end, in under a minute; exit 0 only if every step happened."),
-    "doctor": (f"{_FLEET}.doctor:doctor", "What this machine lacks, and how to get it."),
+    "doctor": (f"{_FLEET}.doctor:doctor", "Missing dependencies of this machine, and how to get them."),
     "plan": (f"{_TEXTS}.plan:plan", "A plan for a problem of a domain, with times; or the reason why there is none."),
     "recover": (f"{_OBJECTS}.recover:recover", "A plan that looks again from elsewhere until an object is identified."),
     "mission": ("", "Goals that platforms reach together, by plans that are flown and watched."),
     "mission start": (f"{_MISSIONS}.mission:start", "Have platforms reach the goals of a problem."),
     "mission status": (
         f"{_MISSIONS}.mission:status",
-        "The missions that platforms lead, how far each is, and what it asks.",
+        "The missions that platforms lead, how far each is, and its question.",
     ),
-    "mission answer": (f"{_MISSIONS}.mission:answer", "The answer to what a mission asks."),
+    "mission answer": (f"{_MISSIONS}.mission:answer", "The answer to the question of a mission."),
     "mission suspend": (f"{_MISSIONS}.mission:suspend", "Have a mission wait."),
     "mission resume": (f"{_MISSIONS}.mission:resume", "Have a mission continue that was suspended."),
     "mission abort": (f"{_MISSIONS}.mission:abort", "End a mission: its vehicles hold."),
@@ -95,18 +98,18 @@ COMMANDS: CommandTable = {
     "kpl remove": (f"{_TEXTS}.specification_changes:remove", "Have running platforms declare something no more."),
     "kpl load": (f"{_TEXTS}.specification_changes:load", "Have running platforms hold another specification."),
     "kpl verify": (f"{_TEXTS}.verification:verify", "Whether a recorded run satisfies its specification."),
-    "ontology": ("", "Semantic labels: what they mean, in a file or to the platforms that run."),
-    "ontology show": (f"{_TEXTS}.ontologies:show", "What each semantic label means, to whom."),
+    "ontology": ("", "Semantic labels: their meanings, in a file or to the platforms that run."),
+    "ontology show": (f"{_TEXTS}.ontologies:show", "The meaning of each semantic label, by platform."),
     "ontology check": (f"{_TEXTS}.ontologies:check", "Every error of a file of labels with its place and repair."),
     "roads": ("", "Road networks, on which objects are."),
-    "roads check": (f"{_OBJECTS}.roads:check", "What a road network holds, and every problem of its file."),
+    "roads check": (f"{_OBJECTS}.roads:check", "The contents of a road network, and every problem of its file."),
     "roster": ("", "The file of platforms and keys with which acts are signed."),
     "roster init": (f"{_FLEET}.roster:init", "A new roster, with keys and certificates."),
     "roster add": (f"{_FLEET}.roster:add", "One more platform, with a new key and certificate."),
     "roster revoke": (f"{_FLEET}.roster:revoke", "Mark a platform as no longer trusted."),
     "roster show": (f"{_FLEET}.roster:show", "The members of a roster."),
 }
-"""Every command: what it is called, `module:function`, and one sentence for the list in the help."""
+"""Every command: its name, `module:function`, and one sentence for the list in the help."""
 
 
 class _Dyknow(CommandGroup):
@@ -116,7 +119,7 @@ class _Dyknow(CommandGroup):
         super().__init__(table=COMMANDS, **options)
 
     def resolve_command(self, ctx: Any, args: list[str]) -> Any:
-        """The command that is called; one that is not ours may be an extension's."""
+        """The called command; an unknown one may be an extension's."""
         if args[0] not in self.table:
             self._extend(ctx, args)
         return super().resolve_command(ctx, args)

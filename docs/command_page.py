@@ -11,8 +11,8 @@ from console.main import COMMANDS
 PAGE = Path(__file__).with_name("commands.md")
 HEAD = """# Commands
 
-All commands and their options, as `dyknow COMMAND --help` has them. Exit codes and what refusals mean: [errors by their
-code](errors.md); what `--json` prints: [JSON](reference.md#json).
+All commands and their options, as `dyknow COMMAND --help` has them. Exit codes and the meaning of refusals: [errors by their
+code](errors.md); the output of `--json`: [JSON](reference.md#json).
 """
 
 
@@ -61,7 +61,7 @@ def _text(text: str | None) -> str:
 
 def _table(rows: Iterable[tuple[str, str]]) -> str:
     lines = [f"| {written.replace('|', chr(92) + '|')} | {text} |" for written, text in rows]
-    return "\n| option or argument | what it does |\n|---|---|\n" + "\n".join(lines) + "\n" if lines else ""
+    return "\n| option or argument | effect |\n|---|---|\n" + "\n".join(lines) + "\n" if lines else ""
 
 
 if __name__ == "__main__":

@@ -9,7 +9,7 @@ A program in a federation needs two functions (docs/python.md has a page on them
 `help(dyknow.FederationClient)` and `help(dyknow.OwnPlatform)` have every method, with its arguments and errors. The other
 names below are the local instance: labels, samples, policies, sources, computational units and their network.
 
-What all of it raises is one tree, `dyknow.DyknowError`, drawn in `dyknow.model.errors`. Instants and durations are integer
+Its exceptions are one tree, `dyknow.DyknowError`, drawn in `dyknow.model.errors`. Instants and durations are integer
 microseconds, `_us`; texts may be given instead, `"-5s"` or `"200ms"`.
 """
 

@@ -1,4 +1,4 @@
-"""The one door upward: what `import dyknow` offers of the rooms above, loaded when it is first used.
+"""The one door upward: names of `import dyknow` from the rooms above, loaded when they are first used.
 
 No import statement leads through it, so that the rooms stay layers; `library.pyi` has the types.
 """

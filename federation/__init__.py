@@ -1,5 +1,6 @@
-"""The protocol of a federation, pure: how its members find each other, what they say and what they share.
+"""The protocol of a federation, pure: how its members find each other, their speech acts and their shared streams.
 
-`members` has what it takes to be in one (`Member`), `messages` the speech acts, `sharing` the streams and what their
-labels mean, `security` whose messages are accepted, `hosts` the local channel. Import from the module that has the name.
+`members` has the directory, liveness, clocks and the member itself (`Member`), `messages` the speech acts, `sharing`
+the streams and the meanings of their labels, `security` the checks of messages, `hosts` the local channel. Import from
+the module that has the name.
 """

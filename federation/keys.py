@@ -13,8 +13,8 @@ The sender is a chunk of the key at a fixed place, so that access control can bi
     q/<owner>/<label>                                      queryable: the history of a stream
     time/<unit>                                            queryable: clock ping
 
-Builders raise NameRefused for a name that cannot be one chunk; Zenoh itself would let NUL, newlines, `..`,
-wildcards and 70 kB through. `parse_key` gives a received key back as what it means, or None.
+Builders raise NameRefused for a name that cannot be one chunk; Zenoh itself would let NUL, newlines, `..`, wildcards
+and 70 kB through. `parse_key` gives the meaning of a received key, or None.
 """
 
 import re
@@ -115,7 +115,7 @@ class HeartbeatKey(NamedTuple):
 
 
 class AnnouncementKey(NamedTuple):
-    """What a platform says of itself unasked; below its heartbeat, so that one subscriber hears both in order."""
+    """A platform's unasked message about itself; below its heartbeat, so that one subscriber hears both in order."""
 
     unit: str
 
@@ -195,7 +195,7 @@ def history(owner: str, semantic_label: str) -> str:
 
 
 def history_expr(owner: str) -> str:
-    """What the owner's one history queryable answers for."""
+    """The keys that the owner's one history queryable answers for."""
     return f"q/{unit(owner)}/**"
 
 
@@ -243,7 +243,7 @@ _TOKENS: dict[tuple[str, int], tuple[Callable[..., Key], _Build]] = {
 
 
 def parse_key(key: str) -> Key | None:
-    """What a received key means, or None if it is not exactly a key that one of the builders makes."""
+    """The meaning of a received key, or None if it is not exactly a key that one of the builders makes."""
     return _parse(key) if len(key) <= _MAX_KEY else None
 
 

@@ -1,4 +1,4 @@
-"""Shares in what is limited: counted by the member of the roster behind a name, or one would have as many as it has names."""
+"""Shares in limits, counted by the member of the roster behind a name, since a member may have several names."""
 
 from dataclasses import dataclass
 from typing import Final, NamedTuple
@@ -31,7 +31,7 @@ class TokenBucket:
     _at_us: int | None = None
 
     def take(self, now_us: int, cost: float = 1.0) -> bool:
-        """Take `cost` tokens if there is one; what is lacking of them is owed."""
+        """Take `cost` tokens if there is one; missing ones are owed."""
         if self._at_us is not None:
             gained = max(0, now_us - self._at_us) * self.rate_per_s / 1e6
             self._tokens = min(self.burst, self._tokens + gained)

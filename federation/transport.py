@@ -1,4 +1,5 @@
-"""What a node asks of the wire, and what the wire tells a node. Pure data: Zenoh and the fake wire both speak it.
+"""Effects from a node to the wire, and events from the wire to a node. Pure data: Zenoh and the fake wire both speak
+it.
 
 Keys are relative to the federation's namespace (`federation.keys` builds and parses them). `at_us` is the
 node clock (UTC at start + monotonic), stamped where the bytes arrived, before they waited in the mailbox.

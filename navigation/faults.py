@@ -1,4 +1,4 @@
-"""What a position source can get wrong, seen from its reports alone.
+"""Errors of a position source, detected from its reports alone.
 
 Each check answers with a reason (a short phrase shown to users and counted) or None.
 """
@@ -26,12 +26,13 @@ _LOWEST_M, _HIGHEST_M = -500.0, 100_000.0
 
 
 class PlausibleLimits(NamedTuple):
-    """What is believed of a vehicle.
+    """Limits of a vehicle's plausible motion.
 
     Attributes:
         speed_m_s: faster than this nothing moves.
         gate: largest normalised innovation squared; for three axes 30 is passed by all but one true fix in a million.
-        allowance_m: by how much sources may honestly disagree beyond what they state (two fixes of one autopilot do).
+        allowance_m: the greatest honest disagreement of sources beyond their stated errors (two fixes of one autopilot
+            do).
         reacquire: number of consecutive positions that agree with each other, and not with us, and are then the truth,
         reacquire_us: if they continue for so long. A glitch of a receiver is over by then.
         frozen_moving: number of equal positions from a source that moves are a frozen source.
@@ -73,9 +74,9 @@ def implausible_velocity(report: VelocityReport | LocalPositionReport, speed_m_s
 class FrozenSource:
     """Notices that one source repeats itself.
 
-    While the vehicle moves, positions repeat at most by rounding. While it stands, only a source whose noise showed
-    in nearly every report it sent standing is expected to continue to show it: one that rounds coarsely, or that has no
-    noise, is not accused.
+    While the vehicle moves, positions repeat at most by rounding. While it stands, only a source with noise in nearly
+    every standing report is expected to continue to show it: a source that rounds coarsely, or has no noise, is not
+    accused.
     """
 
     _MOVING_M_S = 0.5

@@ -1,7 +1,7 @@
 """The fused position of one vehicle: reports in, estimates on a time grid out. Pure; time is an argument.
 
-What a vehicle sends is weighed by the accuracy it states; where a message states none, by `Accuracy`. A grid point g
-(a multiple of the period since the epoch) is put out by predicting to it what was known: when a position valid at g or
+A vehicle's reports are weighed by their stated accuracy; where a message states none, by `Accuracy`. A grid point g (a
+multiple of the period since the epoch) is put out by predicting to it what was known: when a position valid at g or
 later has come, at the latest `wait_us` after g. No grid point lies further than a short horizon beyond the last good
 position: after silence nothing is invented, and points of the grid without a report stay empty.
 
@@ -60,7 +60,7 @@ class Health(NamedTuple):
 
 
 class Accuracy(NamedTuple):
-    """What is assumed where nothing is stated.
+    """The assumed accuracy of reports that state none.
 
     Standard deviations in metres and metres per second; acceleration noise densities in m^2/s^3 without and with
     measured acceleration.
@@ -173,7 +173,7 @@ class PositionFilter:
         return faults.NO_GPS if self._lost_us is not None and self._regained_us is None else ""
 
     def _drift_m2(self, valid_us: int) -> float:
-        """The variance, for each level axis, of what the autopilot went wrong by while it had no satellites."""
+        """The variance, for each level axis, of the autopilot's drift while it had no satellites."""
         if self._lost_us is None:
             return 0.0
         ends_us = valid_us
@@ -364,7 +364,7 @@ class PositionFilter:
         motion.fuse(measured)
 
     def _believed_speed(self, valid_us: int) -> float:
-        """What the vehicle says of its speed, else what the positions showed before."""
+        """The vehicle's reported speed, else the speed of the fused positions."""
         if self._velocity is not None and abs(valid_us - self._velocity.valid_us) <= self._horizon_us:
             return math.hypot(*self._velocity.values[:2])
         return 0.0 if self._motion is None else math.hypot(*self._motion.latest.speeds[:2])

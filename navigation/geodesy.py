@@ -88,7 +88,7 @@ class LocalFrame:
         )
 
     def level(self, north_m: float, east_m: float, altitude_m: float) -> tuple[float, float]:
-        """(latitude_deg, longitude_deg) of what is so far north and east at that altitude: `to_ned` turned round."""
+        """(latitude_deg, longitude_deg) of a place so far north and east at that altitude: `to_ned` turned round."""
         down_m = self.altitude_m - altitude_m
         for _ in range(_STEPS):
             latitude_deg, longitude_deg, reached_m = self.from_ned(north_m, east_m, down_m)

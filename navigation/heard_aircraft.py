@@ -4,7 +4,7 @@ from typing import NamedTuple
 
 
 class HeardAircraft(NamedTuple):
-    """What another aircraft broadcasts of itself (ADS-B, Remote ID), or a sensor found of it; None, or empty: not known.
+    """An aircraft by its own broadcast (ADS-B, Remote ID), or by a sensor; None, or empty: not known.
 
     `altitude_m` is above mean sea level within `altitude_error_m` (95 %); `altitude_reference` says what was measured: `barometric`
     (corrected for the pressure of the day), `pressure` (not corrected), `geometric` (above the ellipsoid).

@@ -7,7 +7,7 @@ MOST_MISSION_ITEMS: Final = 256
 
 
 class MissionStep(StrEnum):
-    """What an item has the vehicle do."""
+    """The kind of an item's flight."""
 
     FLY_TO = "fly-to"
     STAY = "stay"
@@ -16,11 +16,11 @@ class MissionStep(StrEnum):
     LAND = "land"
     RETURN = "return"
     UNKNOWN = "unknown"
-    """It may fly anywhere, and what follows is not known either."""
+    """It may fly anywhere, and the rest of the mission is not known either."""
 
 
 class MissionItem(NamedTuple):
-    """One item that flies the vehicle; those that do something on the way are left out.
+    """One item that flies the vehicle; items that do something on the way are left out.
 
     Attributes:
         item: its number, as in `MissionReport.item`.

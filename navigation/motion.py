@@ -1,8 +1,8 @@
 """Position and velocity of one vehicle as a Kalman filter that answers for the recent past.
 
-State x = (north, east, down, v_north, v_east, v_down), metres and metres per second in a `LocalFrame`.
-Between measurements the acceleration is what the inertial sensors say, plus white noise of density q [m^2/s^3]. The axes
-do not touch each other, neither in the motion nor in what is measured, so each is a filter of two numbers of its own:
+State x = (north, east, down, v_north, v_east, v_down), metres and metres per second in a `LocalFrame`. Between
+measurements the acceleration is what the inertial sensors say, plus white noise of density q [m^2/s^3]. The axes are
+independent, both in the motion and in the measurements, so each is a filter of two numbers of its own:
 
     F = [[1, dt], [0, 1]],  u = mean acceleration (dt^2/2, dt),  Q = q [[dt^3/3, dt^2/2], [dt^2/2, dt]]
 
@@ -27,7 +27,7 @@ _SPEEDS = frozenset({"velocity", "level velocity"})
 
 
 class Measurement(NamedTuple):
-    """What was measured of the state: places (`position`, `level`) or speeds (`velocity`, `level velocity`).
+    """A measurement of the state: places (`position`, `level`) or speeds (`velocity`, `level velocity`).
 
     Values and variances are those of north, east and, unless it is level, down.
     """
@@ -133,7 +133,7 @@ class Motion:
         return self._kept[0].state.valid_us
 
     def at(self, valid_us: int) -> MotionState:
-        """The state predicted to an instant from what was known up to it. ValueError before `oldest_us`."""
+        """The state predicted to an instant from the states up to it. ValueError before `oldest_us`."""
         for kept in reversed(self._kept):
             if kept.state.valid_us <= valid_us:
                 return self._predicted(kept.state, valid_us)

@@ -1,7 +1,7 @@
 """Scanning an area by sight: cells of a grid that were in view for long enough, and the lanes over those that were not. Pure.
 
-Lanes are those of a lawn-mower: parallel to the longer side of what is to be seen, as far apart as is in view to both
-sides, each from the first to the last cell that is left. Places are metres east and north.
+Lanes are those of a lawn-mower: parallel to the longer side of the area, as far apart as the camera sees to both sides,
+each from the first to the last unseen cell. Places are metres east and north.
 """
 
 from collections.abc import Sequence
@@ -22,7 +22,7 @@ PAUSE_US: Final = 500_000
 MOST_CELLS: Final = 1000
 LEAST_CELL_M: Final = 3.0
 SWATH: Final = 0.65
-"""Lanes are apart by this share of the shorter side of what is in view, so that each place is in view for its whole length."""
+"""The distance of lanes, as a share of the shorter side of the view, so that each place is seen over its length."""
 INSET: Final = 0.3
 """A lane ends so far before the last cell, in swaths: that is in view from there."""
 

@@ -1,8 +1,8 @@
 """Whether what a vehicle states of its motion can be flown: its positions, altitudes and velocities, against each other.
 
-The bounds are far beyond what the estimates of real flights do: there an interval of 3 s contradicts the velocities by 7 m level
-and 13 m vertically, altitudes change by 3.6 m in 0.1 s, and a filter that has to find its vehicle again withholds positions for
-seconds before they leap. Degrees (WGS-84), metres, metres per second; valid times in microseconds.
+The bounds are far beyond the estimates of real flights: there an interval of 3 s contradicts the velocities by 7 m
+level and 13 m vertically, altitudes change by 3.6 m in 0.1 s, and a filter that has to find its vehicle again withholds
+positions for seconds before they leap. Degrees (WGS-84), metres, metres per second; valid times in microseconds.
 """
 
 from collections import deque
@@ -33,7 +33,7 @@ Contradiction: TypeAlias = Literal["no place", "leap", "climb", "velocity", "cam
 
 
 class Unflown(NamedTuple):
-    """What cannot be flown, in words that follow `platform 4 states`."""
+    """A contradiction of the stated motion, in words that follow `platform 4 states`."""
 
     kind: Contradiction
     text: str
@@ -67,7 +67,7 @@ class StatedMotion:
     def on_position(
         self, valid_us: int, latitude_deg: float, longitude_deg: float, sd_m: float, at_us: int
     ) -> Iterator[Unflown]:
-        """Take a position with its standard deviation, and when it came; what it contradicts."""
+        """Take a position with its standard deviation, and its arrival; yields its contradictions."""
         if abs(latitude_deg) > 90.0 or abs(longitude_deg) > 360.0:
             yield Unflown("no place", "positions that are no place on earth")
             return
@@ -117,7 +117,7 @@ class StatedMotion:
             self._velocities.append((valid_us, north_m_s, east_m_s, down_m_s))
 
     def on_camera(self, valid_us: int, latitude_deg: float, longitude_deg: float) -> Iterator[Unflown]:
-        """Take where its cameras are; what a position of about that time contradicts."""
+        """Take the place of its cameras; yields its contradiction to a position of about that time."""
         last = self._last
         if last is not None and abs(valid_us - last.valid_us) <= CAMERA_US and abs(latitude_deg) <= 90.0:
             far_m = distance_m(last.latitude_deg, last.longitude_deg, latitude_deg, longitude_deg)

@@ -1,7 +1,7 @@
 """Aircraft that are no members, as they are heard: bounded, each for some seconds, moved on to the time that is asked for.
 
-Pure, federation time. What is heard may be wrong on purpose: identities by the thousand, places that leap, numbers that are none.
-None of that removes an aircraft that is heard well and near, and all of it is counted.
+Pure, federation time. Broadcasts may be wrong on purpose: identities by the thousand, places that leap, numbers that
+are none. None of that removes an aircraft that is heard well and near, and all of it is counted.
 """
 
 import hashlib
@@ -34,7 +34,7 @@ _DERIVED_S: Final = (0.5, 10.0)
 
 
 def identity_of(kind: str, text: str) -> str:
-    """What an aircraft is called: the kind and what it calls itself, so that no platform is called so; by a digest where that is no name."""
+    """The name of an aircraft: its kind and its own identity, unlike that of any platform; else with a digest."""
     kind, text = re.sub(r"[^a-z0-9]", "", kind.lower())[:_KIND] or "x", text.lower()
     name = text if text.startswith(f"{kind}-") else f"{kind}-{text}"
     if _IDENTITY.fullmatch(name):
@@ -46,11 +46,11 @@ class TrafficState(NamedTuple):
     """Where an aircraft is at a time, as far as it is known: degrees, metres, metres a second; None: not known.
 
     Attributes:
-        identity: `adsb-4ca123`, `rid-` and what the aircraft broadcasts; with `_2` behind it the second place of an identity that one
-            hearing has in two, with `-2` that of another hearing.
-        source: what it was heard by: `adsb`, `remote-id`, or the name of the host's stream.
+        identity: `adsb-4ca123`, `rid-` and the broadcast identity; with `_2` behind it the second place of an identity
+            that one hearing has in two, with `-2` that of another hearing.
+        source: the kind of hearing: `adsb`, `remote-id`, or the name of the host's stream.
         heard_us: when the place held that this one is predicted from.
-        radius_m: within it the aircraft is with 95 %, horizontally; it grows with the age of what was heard.
+        radius_m: within it the aircraft is with 95 %, horizontally; it grows with the age of the broadcast.
         altitude_m: above mean sea level within `altitude_error_m`, 95 %.
         by: the platforms that heard it.
     """
@@ -75,7 +75,7 @@ class TrafficState(NamedTuple):
 
 @dataclass(slots=True)
 class _Track:
-    """One aircraft of one hearing: what was heard of it last, and how often it was."""
+    """One aircraft of one hearing: its last broadcast, and their number."""
 
     heard: HeardAircraft
     times: int = 1
@@ -83,7 +83,7 @@ class _Track:
 
     @property
     def rank(self) -> tuple[bool, float]:
-        """The greatest gives way first: what was heard once, then what is far."""
+        """The greatest gives way first: aircraft heard once, then far ones."""
         return self.times < _HEARD_WELL, self.distance_m
 
 
@@ -122,8 +122,8 @@ class _Hearing:
 class TrafficPicture:
     """The aircraft around a place, of all hearings together.
 
-    Each hearing has room of its own, so that none crowds out another's aircraft, and its own place of an identity: where hearings
-    do not agree where one is, there are several. What this platform hears itself stands first.
+    Each hearing has room of its own, so that none crowds out another's aircraft, and its own place of an identity:
+    where hearings do not agree where one is, there are several. The platform's own hearing stands first.
 
     Args:
         own: this platform.
@@ -147,7 +147,7 @@ class TrafficPicture:
         self._place = latitude_deg, longitude_deg
 
     def take(self, heard: HeardAircraft, by: str, now_us: int, channel: str = "") -> bool:
-        """What a platform has heard of an aircraft by one of its receivers; whether it is part of the picture now."""
+        """Take a platform's hearing of an aircraft by one of its receivers; whether it is part of the picture now."""
         wrong = unusable(heard)
         if not wrong:
             is_old = heard.valid_us < now_us - self.silent_us
@@ -192,7 +192,7 @@ class TrafficPicture:
 
 
 def _join(there: list[TrafficState], one: TrafficState) -> None:
-    """Another hearing of an aircraft: of one that is there, or one in another place."""
+    """Join another hearing of an aircraft: to its state, or as one in another place."""
     for at, other in enumerate(there):
         apart_m = distance_m(one.latitude_deg, one.longitude_deg, other.latitude_deg, other.longitude_deg)
         height_m = abs((one.altitude_m or 0.0) - (other.altitude_m or 0.0))
@@ -224,7 +224,7 @@ def unusable(heard: HeardAircraft) -> str:
 
 
 def moved(heard: HeardAircraft, at_us: int, by: tuple[str, ...] = ()) -> TrafficState:
-    """The state at a time, by a straight flight from what was heard."""
+    """The state at a time, by a straight flight from the broadcast one."""
     age_s = (at_us - heard.valid_us) / 1e6
     north_m_s, east_m_s, down_m_s = heard.north_m_s, heard.east_m_s, heard.down_m_s
     north_m, east_m = (north_m_s or 0.0) * age_s, (east_m_s or 0.0) * age_s

@@ -100,7 +100,7 @@ class HomeReport(NamedTuple):
 
 
 class StatusReport(NamedTuple):
-    """What the autopilot says of itself; None where it does not say."""
+    """The autopilot's report about itself; None where it states nothing."""
 
     valid_us: int
     armed: bool
@@ -150,7 +150,7 @@ class FenceReport(NamedTuple):
 
 
 class LinkLossAction(StrEnum):
-    """What an autopilot does by itself when its link is lost."""
+    """An autopilot's reaction to the loss of its link."""
 
     CARRY_ON = "carry-on"
     """The order under way is carried out, or the mission flown, and it stands there."""
@@ -161,13 +161,13 @@ class LinkLossAction(StrEnum):
 
 
 class FailsafeReport(NamedTuple):
-    """What the autopilot does when no ground station is heard, as its parameters say; None where they do not.
+    """The autopilot's reaction when no ground station is heard, by its parameters; None where they are unknown.
 
     Attributes:
         action: in a guided mode.
         delay_s: how long the link has been lost when it begins.
-        in_mission: what it does in a mission (AUTO).
-        in_offboard: what it does where targets are streamed, and no longer come (PX4: OFFBOARD).
+        in_mission: its reaction in a mission (AUTO).
+        in_offboard: its reaction where targets are streamed, and no longer come (PX4: OFFBOARD).
         return_height_m: metres above home to which it climbs before it returns; it does not descend to it.
         final_height_m: metres above home at which a return ends; 0: it lands.
         station: the system id whose heartbeats it waits for; None: of any ground station.
@@ -213,12 +213,12 @@ class MountReport(NamedTuple):
 
 
 class WinchReport(NamedTuple):
-    """What a winch says of its line (WINCH_STATUS); None where it does not say.
+    """A winch's report about its line (WINCH_STATUS); None where it states nothing.
 
     Attributes:
         line_m: how much of it is out.
         speed_m_s: positive while it is let out.
-        load_kg: what hangs on it.
+        load_kg: the mass on it.
     """
 
     valid_us: int
@@ -244,7 +244,7 @@ class ImageDetection(NamedTuple):
 
 
 class ImageReport(NamedTuple):
-    """What the detectors found in the images that all cameras took at one instant; often that is nothing."""
+    """The detections in the images that all cameras took at one instant; often there are none."""
 
     valid_us: int
     detections: tuple[ImageDetection, ...]
@@ -259,7 +259,7 @@ class TrafficReport(NamedTuple):
 
 
 class LinkReport(NamedTuple):
-    """Whether the vehicle is heard well enough, and in words what is heard, or what is wrong; reported on change."""
+    """Whether the vehicle is heard well enough, and in words the vehicle or the trouble; reported on change."""
 
     valid_us: int
     ok: bool
@@ -267,7 +267,7 @@ class LinkReport(NamedTuple):
 
 
 class StationReport(NamedTuple):
-    """What a ground station to which the vehicle is forwarded does, in words; `commands`: it has changed the mode, or flies by remote control."""
+    """The activity of a ground station on a forwarded link; `commands`: it changed the mode, or flies the vehicle."""
 
     valid_us: int
     commands: bool
@@ -366,7 +366,7 @@ class LookAtOrder(NamedTuple):
 class GripOrder(NamedTuple):
     """Have the gripper or the electromagnet hold what is there, or release it.
 
-    It is accepted also where there is nothing to hold; what hangs on the line shows that (`WinchReport.load_kg`).
+    It is accepted also where there is nothing to hold; the mass on the line shows that (`WinchReport.load_kg`).
     """
 
     holds: bool

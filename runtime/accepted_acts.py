@@ -1,4 +1,4 @@
-"""What a platform has accepted of each member, kept next to its key: acts recorded before a restart are worth nothing.
+"""The acts that a platform has accepted of each member, kept next to its key: a restart makes no recorded act valid.
 
 Its clock may be set back while it is off, as that of a board without a battery is; then the age of an act is no evidence.
 """

@@ -33,7 +33,7 @@ _STEP_S = 0.05
 
 
 class Wait(NamedTuple):
-    """What a job waits for, and for how many seconds at most; it is sent whether the condition holds."""
+    """A job's wait for a condition, for some seconds at most; the result is whether the condition holds."""
 
     condition: Callable[[], bool]
     within_s: float
@@ -65,7 +65,7 @@ _log = getLogger("dyknow")
 
 
 class Surroundings(NamedTuple):
-    """What a client lives in.
+    """The ports of a client.
 
     Attributes:
         mailbox: where its events wait.
@@ -84,7 +84,7 @@ class Client:
     """A command centre, its mailbox and its wire. Nothing happens but inside `step`, which its waiting calls.
 
     Args:
-        around: what it lives in.
+        around: its ports.
         make_centre: given the identity of the session, for tokens, and the time.
         federation: its name, for messages.
         extensions: modules that bring further tasks and semantic labels.
@@ -301,7 +301,7 @@ class Client:
 
 
 def command_centre(settings: Settings, unit: str, key: Path | None = None) -> Callable[[str, int], CommandCentre]:
-    """What makes the member of a `Client`, given the identity of its session and the time.
+    """A function that makes the member of a `Client`, given the identity of its session and the time.
 
     Raises:
         RosterError: the roster does not load; the key, when the member is made.

@@ -12,7 +12,7 @@ class NodeClock:
     """Microseconds since the Unix epoch.
 
     Args:
-        skew_us: how wrong the clock is to be; for tests of what a federation does about wrong clocks.
+        skew_us: the error of the clock; for tests of a federation with wrong clocks.
     """
 
     def __init__(self, skew_us: int = 0) -> None:
@@ -39,7 +39,7 @@ def _reading() -> tuple[int, int]:
 
 
 class Stopwatch:
-    """Federation time within a step; what it showed can be kept for a journal, and is shown again in a replay.
+    """Federation time within a step; its readings can be kept for a journal, and are repeated in a replay.
 
     Args:
         federation_us: the clock.
@@ -51,14 +51,14 @@ class Stopwatch:
         self._shown: list[int] = []
 
     def now_us(self) -> int:
-        """What it shows."""
+        """The present reading."""
         now_us = self._federation_us()
         if self._keeps:
             self._shown.append(now_us)
         return now_us
 
     def taken(self) -> tuple[int, ...]:
-        """What it showed since the last time."""
+        """The readings since the last call."""
         taken, self._shown = tuple(self._shown), []
         return taken
 
@@ -71,11 +71,11 @@ class ReplayedStopwatch:
         self._last_us = 0
 
     def expect(self, shown: Iterable[int]) -> None:
-        """What it shows in the next step."""
+        """Give the readings of the next step."""
         self._ahead = deque(shown)
 
     def now_us(self) -> int:
-        """What it showed; what is missing is as before."""
+        """The recorded reading; a missing one repeats the last."""
         if self._ahead:
             self._last_us = self._ahead.popleft()
         return self._last_us

@@ -44,7 +44,7 @@ class LearntFiles:
             raise WrongCall(f"learnt: {path} cannot be written ({error.strerror}); name another directory.") from None
 
     def read(self) -> dict[str, str]:
-        """What was kept, by stream.
+        """The kept texts, by stream.
 
         Raises:
             WrongCall: a file cannot be read, or is none of these.
@@ -64,7 +64,7 @@ class LearntFiles:
 
 
 def keep(directory: Path | None, unit: str, effect: Keep, note: Callable[[str], None]) -> None:
-    """Keep what a stream has learnt, where the platform has a directory for it; what fails is noted."""
+    """Keep the learnt knowledge of a stream, where the platform has a directory for it; a failure is noted."""
     if directory is not None:
         try:
             LearntFiles(directory, unit).keep(effect.stream, effect.text)

@@ -42,7 +42,7 @@ class SteppedNode(Protocol[E_contra, F_co]):
 def leave_alone_what_is_loaded() -> None:
     """Let garbage collections pass over what is there now: modules, models and grammars stay as long as the process.
 
-    They are most of what a full collection would look at, and while it looks, 40 to 70 ms, the node stands still.
+    A full collection would look at them mostly, and stop the node for 40 to 70 ms.
     """
     gc.freeze()
 

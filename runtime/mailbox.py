@@ -1,8 +1,8 @@
 """Where edges leave events for the node thread: many threads post, one takes, and a poster is never blocked.
 
-Bounded by conflation. Every event belongs to a lane, and a lane has a limit; when it is full, either its
-oldest event gives way (the newest counts, or numbers recover what is lost) or the new one is refused (its sender was to
-wait). What is lost is counted and reported to the node as `Conflated`.
+Bounded by conflation. Every event belongs to a lane, and a lane has a limit; when it is full, either its oldest event
+gives way (the newest counts, or numbers recover what is lost) or the new one is refused (its sender was to wait). A
+lost event is counted and reported to the node as `Conflated`.
 
 A stream key keeps 512 samples, a heartbeat key its newest, a sender 64 acts, a token its last 16 changes, a question
 1024 answers, a queryable 64 questions, a kind of vehicle report its newest 256. When `LIMIT` events wait in all,
@@ -68,7 +68,7 @@ class Mailbox:
 
     Attributes:
         waited_us: how long `get` has waited, all in all.
-        pause_s: how long `get`, when it had to wait, waits on after the first event, for what comes with it.
+        pause_s: how long `get`, when it had to wait, waits on after the first event, for the others that come with it.
     """
 
     def __init__(self, now_us: Callable[[], int]) -> None:

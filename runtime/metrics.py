@@ -1,7 +1,7 @@
 """Figures of a platform for Prometheus, and whether it is well: HTTP on this machine, read from its own thread.
 
 `/metrics` has the figures, `/health` answers 200 while the node thread steps and the platform is in its federation, 503
-otherwise. Nothing can be changed there. What is read is copied in one step of the interpreter, so that the node thread,
+otherwise. Nothing can be changed there. The figures are copied in one step of the interpreter, so that the node thread,
 which continues to write, is not disturbed.
 """
 
@@ -34,7 +34,7 @@ class PlatformMetrics:
     Args:
         port: 0 for any that is free.
         mailbox: of its node thread.
-        journal: the platform's, if it has one by now; what is lost of it is counted.
+        journal: the platform's, if it has one by now; its losses are counted.
 
     Raises:
         UnitError: prometheus-client is not installed.
@@ -121,7 +121,7 @@ class PlatformMetrics:
         yield lost
 
     def _streams(self) -> Iterator[Any]:
-        """Samples of imported streams: what came, what came late, what is missing and what is lost."""
+        """Samples of imported streams: received, late, missing and lost ones."""
         from prometheus_client.core import CounterMetricFamily, GaugeMetricFamily
 
         names, unit = ["unit", "owner", "label"], self._platform.unit
@@ -142,7 +142,7 @@ class PlatformMetrics:
         yield missing
 
     def _failures(self) -> Iterator[Any]:
-        """What parts raised, by place and by the member over whose messages; how many places are impaired now."""
+        """Exceptions of parts, by place and by the member over whose messages; how many places are impaired now."""
         from prometheus_client.core import CounterMetricFamily, GaugeMetricFamily
 
         unit, contain = self._platform.unit, self._platform.containment
@@ -164,7 +164,7 @@ class PlatformMetrics:
         yield impaired
 
     def _alarms(self) -> Iterator[Any]:
-        """Alarms that are open, among the last thousand edges, and monitors by what they show."""
+        """Alarms that are open, among the last thousand edges, and monitors by their state."""
         from prometheus_client.core import GaugeMetricFamily
 
         unit = self._platform.unit

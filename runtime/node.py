@@ -1,6 +1,6 @@
 """`python -m runtime.node --config FILE`: the process of one platform, or of several whose vehicles share an endpoint.
 
-What a platform flies is a kind of vehicle of `runtime.vehicles`, or of a module that is named with `--vehicles`.
+The vehicle of a platform is of a kind in `runtime.vehicles`, or in a module that is named with `--vehicles`.
 """
 
 import argparse
@@ -46,8 +46,8 @@ def serve(
 ) -> int:
     """Run platforms until a signal, their duration, or the end of the process that started them; the exit code.
 
-    Each has its own mailbox and thread. One that fails ends the others: their supervisor sees it. What
-    happens goes to the file `records`, or to standard output.
+    Each has its own mailbox and thread. A platform that fails ends the others: their supervisor sees it. Events go to
+    the file `records`, or to standard output.
     """
 
     def on_failed(why: str) -> None:

@@ -1,6 +1,6 @@
 """One platform, one process: edges post into the mailbox, one thread steps the platform and performs its effects.
 
-What the process says is records (`runtime.records`): `joined`, `directory` (the peers it has found), `note`, `ended`.
+The process writes records (`runtime.records`): `joined`, `directory` (the peers it has found), `note`, `ended`.
 """
 
 import contextlib
@@ -63,7 +63,7 @@ from runtime.vehicles import Vehicle, VehiclePorts
 from runtime.workers import WorkerThreads
 
 WRONG, FAILED = 2, 3
-"""How the process ends: what it was given does not work, or what it met."""
+"""Exit codes of the process: its configuration does not work, or it failed later."""
 WEIGH_US = 100_000
 ASK_US = 300_000
 ADOPT_US = 2_000_000
@@ -242,7 +242,7 @@ class PlatformProcess:
             self._warn(str(wrong))
 
     def _specification(self) -> Specified | None:
-        """What the platform is to run; its times are those of the clock as it is now."""
+        """The platform's specification; its times are those of the clock as it is now."""
         config, clock = self.config, self._federation_clock
         if config.spec is None:
             return None
@@ -303,7 +303,7 @@ class PlatformProcess:
             self._perform(effect)
 
     def _perform(self, effect: Any) -> None:
-        """Carry out one effect; one that raises is lost, and the platform is impaired."""
+        """Carry out one effect; an effect that raises is lost, and the platform is impaired."""
         try:
             self._carry_out(effect)
         except Exception as error:  # noqa: BLE001  (contained)
@@ -338,7 +338,7 @@ class PlatformProcess:
             self._edge.perform(effect)
 
     def _fly(self, effect: Command | InjectFault) -> None:
-        """Command the vehicle, or make it fail; what it refuses is noted."""
+        """Command the vehicle, or make it fail; a refusal is noted."""
         try:
             self._vehicle.command(effect) if isinstance(effect, Command) else self._vehicle.inject(effect)
         except DyknowError as wrong:

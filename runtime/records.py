@@ -1,4 +1,4 @@
-"""What a platform process says: JSON lines on standard output, or in a file that is bounded. It ends no platform.
+"""The records of a platform process: JSON lines on standard output, or in a file that is bounded. It ends no platform.
 
 Each line is one event, and has a level.
 

@@ -1,4 +1,4 @@
-"""What a platform's specification lives on: its file, read again when it changes, and a feed of samples.
+"""The inputs of a platform's specification: its file, read again when it changes, and a feed of samples.
 
 Threads read; the node thread is given text that was read before, and samples when they are due.
 """

@@ -1,4 +1,4 @@
-"""What a platform flies: kinds of vehicles by name, as the configuration names them.
+"""Kinds of vehicles by name, as the configuration names them.
 
 A kind is registered by the module that builds it. The kinds of real vehicles are registered here; a room above, such
 as the simulator, registers its own, and the process is started with the name of that module (`--vehicles`).
@@ -40,7 +40,7 @@ def _no_fault(fault: InjectFault) -> None:
 
 @dataclass(frozen=True)
 class Vehicle:
-    """What a platform flies, ready to start.
+    """A vehicle, ready to start.
 
     Attributes:
         parts: started in this order, stopped in the opposite one.
@@ -81,7 +81,7 @@ class SharedPorts:
 
 
 class VehiclePorts(NamedTuple):
-    """What a vehicle is built from: configuration, clocks, where its reports go, what to call when it has ended.
+    """The ports of a vehicle: configuration, clocks, a mailbox for its reports, and a callback for its end.
 
     `shared` has what it may share with vehicles of other platforms of this process; `happen` takes events that are no
     reports; `note` takes words for users.
@@ -180,7 +180,7 @@ def _mavlink(table: Any, ports: VehiclePorts) -> Vehicle:
 
 
 def _played(ports: VehiclePorts, problem: str, *, stays: bool = False) -> None:
-    """A recording has been played, up to its end or to what cannot be read of it."""
+    """A recording has been played, up to its end or to its damage."""
     if problem:
         ports.note(problem)
     if not stays:

@@ -51,7 +51,7 @@ class WorkerThreads:
                 )
 
     def close(self) -> None:
-        """Take no more; what is being called is left alone."""
+        """Take no more; a call under way is left alone."""
         for _ in range(self._threads):
             self._queue.put(None)
 

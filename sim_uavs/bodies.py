@@ -1,7 +1,8 @@
 """Persons on a field and what looks like them: a function of the field and the seed. Pure.
 
-A person is warm and has the form of one. Of what looks like one a third is warm alone (stones in the sun, hoods of cars), a third
-has the form alone (clothes, dummies, which are cold), and a third is warm and has a form somewhat like it (animals).
+A person is warm and has the form of one. Of the bodies that look like one a third is warm alone (stones in the sun,
+hoods of cars), a third has the form alone (clothes, dummies, which are cold), and a third is warm and has a form
+somewhat like it (animals).
 """
 
 from collections.abc import Sequence
@@ -20,7 +21,7 @@ INSIDE_M: Final = 2.0
 """They lie so far from each other, and from the border, at least."""
 LIKENESS_SD: Final = 0.06
 _LIKENESS: Final = {"person": (0.8, 0.78), "warm": (0.7, 0.2), "shaped": (0.2, 0.68), "animal": (0.72, 0.42)}
-"""Mean scores of the thermal and of the colour channel, by what it is."""
+"""Mean scores of the thermal and of the colour channel, by kind of body."""
 _KINDS: Final = ("warm", "shaped", "animal")
 _BODIES_RNG: Final = 57  # keeps this generator apart from others of the same seed
 _TRIES: Final = 10_000
@@ -45,7 +46,7 @@ class FieldBody(NamedTuple):
 
 
 def bodies_of(field: SearchField, seed: int) -> tuple[FieldBody, ...]:
-    """All that lies on a field, persons first."""
+    """All bodies on a field, persons first."""
     rng = np.random.default_rng((seed, _BODIES_RNG))
     kinds = ["person"] * field.persons + [_KINDS[at % len(_KINDS)] for at in range(field.lookalikes)]
     places = _places(field, len(kinds), rng)
@@ -72,7 +73,7 @@ def _body(kind: str, x_m: float, y_m: float, rng: Generator) -> FieldBody:
 
 
 class OnField:
-    """What lies on a field, and what else is there."""
+    """The bodies on a field, and other objects."""
 
     def __init__(self, bodies: Sequence[FieldBody], others: Scene) -> None:
         self._bodies, self._others = tuple(bodies), others

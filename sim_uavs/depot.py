@@ -44,7 +44,7 @@ def hoist_of(situation: Scenario, unit: Unit, seed: int, boxes: SharedBoxes) -> 
 
 
 def scene_of(situation: Scenario, seed: int, boxes: SharedBoxes) -> Scene:
-    """What cameras see: boxes, and the bodies on the field of the scenario, if it has one."""
+    """The objects for cameras: boxes, and the bodies on the field of the scenario, if it has one."""
     ground = BoxesOnGround(boxes)
     return ground if situation.field is None else OnField(bodies_of(situation.field, seed), ground)
 
@@ -52,7 +52,7 @@ def scene_of(situation: Scenario, seed: int, boxes: SharedBoxes) -> Scene:
 def at_work(
     situation: Scenario, unit: Unit, seed: int, near: Path | None
 ) -> tuple[OnboardCameras, CameraRig, MagnetHoist]:
-    """What a vehicle carries; handlings are shared with all processes whose sockets for hosts are next to `near`.
+    """The equipment of a vehicle; handlings are shared with all processes whose sockets for hosts are next to `near`.
 
     Raises:
         OSError: their file cannot be written.

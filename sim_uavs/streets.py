@@ -30,7 +30,7 @@ def roads_of(situation: Scenario) -> RoadsJson:
 
 
 def trees_of(situation: Scenario) -> tuple[Obstacle, ...]:
-    """What hides the crossings of a scenario that are under trees."""
+    """The trees that hide crossings of a scenario."""
     streets = situation.streets
     if streets is None:
         return ()
@@ -47,14 +47,14 @@ def traffic_of(situation: Scenario, seed: int) -> SharedTraffic:
 
 
 def carried_over(situation: Scenario, unit: Unit, seed: int) -> tuple[OnboardCameras, CameraRig]:
-    """What a vehicle of a scenario with streets carries, and what its platform knows of that."""
+    """The cameras of a vehicle in a scenario with streets, and its platform's knowledge of them."""
     return watching(situation, unit, seed, traffic_of(situation, seed), trees_of(situation))
 
 
 def watching(
     situation: Scenario, unit: Unit, seed: int, scene: Scene, obstacles: tuple[Obstacle, ...] = ()
 ) -> tuple[OnboardCameras, CameraRig]:
-    """Cameras of a vehicle that watch a scene from above, and what its platform knows of them."""
+    """Cameras of a vehicle that watch a scene from above, and its platform's knowledge of them."""
     cameras = {
         name: camera._replace(intrinsics=Intrinsics.of_view(*camera.intrinsics[:2], ACROSS_RAD))
         for name, camera in ((COLOUR, COLOUR_CAMERA), (THERMAL, THERMAL_CAMERA))

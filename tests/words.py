@@ -1,14 +1,19 @@
-"""Counts words that make prose a riddle, in what a user or a reader of the code meets.
+"""Counts words and clauses that make prose a riddle for users and for readers of the code.
 
     python -m tests.words                 # how often, by room
     python -m tests.words agents kpl/running   # each place in these folders, with what to say instead
+    python -m tests.words --headless kpl  # the same for relative clauses without a noun
 
 Counted are docstrings, messages (literals of more than one word) and pages; `docs/glossary.md` has the reasons.
+A headless clause is a relative clause where a noun is expected ("What is there ...", "those that ...", "of what is ..."):
+counted in comments, too, but not in questions, code and changelog fragments.
 """
 
 import ast
+import io
 import re
 import sys
+import tokenize
 from collections import Counter
 from collections.abc import Iterable, Iterator
 from pathlib import Path
@@ -64,6 +69,26 @@ INSTEAD = {
 }
 _WORDS = re.compile(rf"\b(?:{'|'.join(f'(?P<w{n}>{words})' for n, words in enumerate(INSTEAD))})", re.IGNORECASE)
 _SAY = list(INSTEAD.values())
+_BEGINS = r"(?:\A\s*|[.:;!?|]\s+|\n\s*\n\s*|\n\s*[-*]\s+)(?:(?:of|in|for|to|by|with|from|and|but)\s+)?"
+_HEADS = (
+    r"(?:what(?:ever)?(?!\s+(?:to|if|kinds?|sorts?|else|times?|values?|units?)\b)|that\s+which"
+    r"|(?:those|all|ones?|everything|nothing|none)\s+(?:that|which|whose|who))(?=\s+[\w`])"
+)
+_BEFORE = (
+    "of|from|for|to|with|by|than|in|on|at|as|about|after|before|without|besides|against|behind|beyond|near|and|or|like"
+)
+_VERBS = (
+    "is|was|were|are|has|had|have|can|cannot|could|may|might|must|will|would|should|does|did|do|comes?|came|makes?|made"
+    "|needs?|depends|happens|happened|remains|follows|begins?|ends?|holds|takes|gives|stands|lies|says"
+)
+_SUBJECTS = (
+    "it|they|there|this|that|these|those|each|one|another|others?|both|an?|the|its|their|all|no|none|nothing|any|some"
+)
+_HEADLESS = re.compile(
+    rf"{_BEGINS}(?P<head>{_HEADS})|\b(?:{_BEFORE})\s+(?P<object>what\s+(?:{_VERBS}|{_SUBJECTS})\b)", re.IGNORECASE
+)
+_CODE = re.compile(r"```.*?```|`[^`\n]*`", re.DOTALL)
+_STOP = re.compile(r"[.!?](?=\s|$)|\n\s*\n|\Z")
 
 
 class Place(NamedTuple):
@@ -86,6 +111,35 @@ def places(root: Path, rooms: Iterable[str]) -> Iterator[Place]:
             yield Place(room, name, at, match[0], _SAY[int((match.lastgroup or "w0")[1:])], excerpt)
 
 
+def headless(root: Path, rooms: Iterable[str]) -> Iterator[Place]:
+    """Every relative clause without a noun in the rooms and pages below `root`, changelog fragments left out."""
+    for path, line, text in (*_texts(root, rooms), *_comments(root, rooms)):
+        name = path.relative_to(root).as_posix()
+        room = name.split("/", maxsplit=1)[0]
+        if room in {"changelog.d", "CHANGELOG.md"}:
+            continue
+        for start, end in headless_spans(text):
+            excerpt = " ".join(text[max(0, start - 40) : end + 40].split())
+            yield Place(room, name, line + text.count("\n", 0, start), text[start:end], "a noun and a verb", excerpt)
+
+
+def headless_spans(text: str) -> Iterator[tuple[int, int]]:
+    """Where headless clauses begin in a text; code in it and questions are passed over."""
+    plain = _CODE.sub(lambda code: re.sub(r"[^`\n]", "x", code[0]), text)
+    for match in _HEADLESS.finditer(plain):
+        stop = _STOP.search(plain, match.end())
+        if not stop or stop[0] != "?":
+            yield match.span(match.lastgroup or 0)
+
+
+def _comments(root: Path, rooms: Iterable[str]) -> Iterator[tuple[Path, int, str]]:
+    for room in rooms:
+        for path in sorted((root / room).rglob("*.py")):
+            for token in tokenize.generate_tokens(io.StringIO(path.read_text(encoding="utf-8")).readline):
+                if token.type == tokenize.COMMENT:
+                    yield path, token.start[0], token.string.lstrip("# ")
+
+
 def _texts(root: Path, rooms: Iterable[str]) -> Iterator[tuple[Path, int, str]]:
     for room in rooms:
         for path in sorted((root / room).rglob("*.py")):
@@ -99,7 +153,8 @@ def _texts(root: Path, rooms: Iterable[str]) -> Iterator[tuple[Path, int, str]]:
 
 
 def main() -> None:
-    every = list(places(ROOT, ROOMS))
+    wants_headless = "--headless" in sys.argv
+    every = list((headless if wants_headless else places)(ROOT, ROOMS))
     for each in every:
         if any(each.path.startswith(wanted.rstrip("/")) for wanted in sys.argv[1:]):
             print(f"{each.path}:{each.line}: {each.word!r}: {each.instead}\n    {each.excerpt}")

@@ -57,7 +57,7 @@ class BorrowedVehicle:
         return ""
 
     def fly(self, number: int, why: str, commands: tuple[VehicleCommand, ...], now_us: int) -> None:
-        """Do these; what was under way is overtaken."""
+        """Do these; commands under way are overtaken."""
         self._number = number
 
         def answer(failure: str, at_us: int) -> None:

@@ -14,7 +14,7 @@ _TURNED: Final = {"<": ">", "<=": ">=", ">": "<", ">=": "<=", "=": "="}
 
 
 def described(formula: Formula, symbol: str) -> ObjectDescription:
-    """What all properties are to be like.
+    """The description of an object, from a formula over its properties.
 
     Raises:
         Refused: it is not a conjunction of comparisons of a property with a value.

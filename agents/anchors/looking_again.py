@@ -1,9 +1,9 @@
 """One wanted object that is anchored, or looked at again until it is: the five steps of "Have another look" on a platform.
 
-It is a value, stepped five times a second. Percepts are remembered; an ambiguous situation becomes a plan of `planning/ambiguity`,
-whose moves the vehicle flies and whose looks the camera makes. A look is answered by what it showed: a property that
-percepts had since it began, or none, while the object or its place was in view. One that shows neither is not answered, so that its
-time runs out and a plan is made without it.
+It is a value, stepped five times a second. Percepts are remembered; an ambiguous situation becomes a plan of
+`planning/ambiguity`, whose moves the vehicle flies and whose looks the camera makes. A look is answered by a property
+that percepts had since it began, or by none, if they had none while the object or its place was in view. A look that
+shows neither is not answered, so that its time runs out and a plan is made without it.
 """
 
 from collections import deque
@@ -33,21 +33,21 @@ AGAIN_US: Final = US_PER_S
 MOST_CANDIDATES: Final = 4
 """Partially matching objects that one plan decides between."""
 MOST_RECOVERIES: Final = 4
-"""Flights for one object in `BUDGET_US`: what is lost and found on purpose wears out no vehicle."""
+"""Most flights for one object in `BUDGET_US`: an object that is lost and found on purpose wears out no vehicle."""
 BUDGET_US: Final = 600 * US_PER_S
 KEPT: Final = 24
-"""Lines of what was done."""
+"""Most lines of the history."""
 LONG_GAP_US: Final = US_PER_S
 LIMITS: Final = RecoveryLimits(at_once=9, answer_us=120 * US_PER_S, look_us=12 * US_PER_S)
 """Plans over more hypotheses may take longer than 5 ms."""
 HERE: Final = "here"
 LOOKED, ANSWERED = "it was looked at again", "the delegator answered"
 PLACE: Final = ("x_m", "y_m")
-"""What is asked for where nothing else differs."""
+"""The property to ask for where nothing else differs."""
 
 
 class RecoveryPorts(Protocol):
-    """What it needs of the platform. Times are the node clock unless they are named otherwise."""
+    """Its interface to the platform. Times are the node clock unless they are named otherwise."""
 
     def anchor(self, symbol: str | None, now_us: int) -> str: ...
     def fly(self, number: int, place: Viewpoint, why: str, now_us: int) -> str: ...
@@ -68,13 +68,13 @@ class LookingAgain:
     """See the module. Times are federation time, but for `now_us`, the node clock.
 
     Args:
-        symbol: what is wanted is called.
+        symbol: the name of the wanted object.
         within_m: around where it was, or the vehicle is, it is searched for.
         standoff_m: candidates are looked at from so far.
 
     Attributes:
         state: for lists, in words.
-        history: what was done last: when, what kind of thing, and what.
+        history: the last lines: time, kind and text.
         question: the values between which the delegator is to choose.
     """
 
@@ -267,7 +267,7 @@ class LookingAgain:
         return LookingKnowledge(ways, HERE, viewpoints, searched=frozenset([HERE]))
 
     def _recover(self, recovery: AnchoringRecovery, federation_us: int, waited_us: int, now_us: int) -> None:
-        """Step 4: what the plan is at."""
+        """Step 4: carry out the step of the plan."""
         if self._ports.waits:
             if recovery.deadline_us is not None:
                 recovery.deadline_us += waited_us
@@ -286,7 +286,7 @@ class LookingAgain:
     def _seen(
         self, recovery: AnchoringRecovery, look: PlannedLook, federation_us: int, now_us: int
     ) -> messages.RecoveryEvent | None:
-        """What a look has shown; None: nothing yet."""
+        """The outcome of a look; None: nothing yet."""
         if look.target == self.symbol:
             return self._searched(recovery, look, federation_us, now_us)
         place = self._objects.place(look.target)
@@ -301,7 +301,7 @@ class LookingAgain:
     def _searched(
         self, recovery: AnchoringRecovery, look: PlannedLook, federation_us: int, now_us: int
     ) -> messages.RecoveryEvent | None:
-        """Of a place of a search: all that is seen there."""
+        """The outcome of a look at a place of a search: all objects seen there."""
         here = self._places.get(recovery.knowledge.start)
         if here is None or not look.is_searched(here, self._ports.shows, federation_us):
             return None

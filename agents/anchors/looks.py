@@ -15,9 +15,9 @@ from planning.ambiguity.recovery_messages import SensingActionStarted
 SETTLED_US: Final = 1_500_000
 """The camera is turned, and has settled, so long after a look began."""
 SEEN_US: Final = 3 * US_PER_S
-"""A look has shown nothing when its object, or place, has been in view for so long without what is looked for."""
+"""A look has shown nothing when its object, or place, has been in view for so long without the wanted property."""
 SEARCHED_US: Final = 5 * US_PER_S
-"""A place of a search is looked at for so long: what is new there has to become an object."""
+"""A place of a search is looked at for so long: a new percept there has to become an object."""
 SHARE: Final = 0.6
 """Of the percepts of a property that have to agree."""
 Shows = Callable[[float, float, int], bool]
@@ -29,7 +29,7 @@ class PlannedLook:
     """A look at one object, or, in a search, at a place. Federation time.
 
     Attributes:
-        before: what percepts of the object had shown when it began.
+        before: the properties that percepts of the object had shown when it began.
     """
 
     started: SensingActionStarted
@@ -42,7 +42,7 @@ class PlannedLook:
         return self.started.action.arguments[0]
 
     def shown(self, recovery: AnchoringRecovery, objects: ObservedObjects, shows: Shows, now_us: int) -> str | None:
-        """What it shows of its object, as branches of plans name it; None: nothing yet."""
+        """The outcome for its object, as branches of plans name it; None: nothing yet."""
         if now_us < self.since_us + SETTLED_US:
             return None
         seen = properties_of(since(objects.counts(self.target), self.before))

@@ -1,4 +1,4 @@
-"""What was observed of the objects of one stream, percept by percept, for as long as each of them is there.
+"""The observed properties of the objects of one stream, percept by percept, for as long as each of them is there.
 
 States of linked objects have the attributes of their newest percept; a mark that was seen from one side is not in them when the
 object is seen from another. Here it is remembered: a property has the value that most percepts showed.
@@ -17,7 +17,7 @@ from anchoring.matching.descriptions import PropertyValue
 from dyknow import NO_VALUE, Value
 
 MOST: Final = 256
-"""Objects that are observed; what is beyond is counted."""
+"""Most observed objects; the others are counted."""
 MOST_VALUES: Final = 16
 """Values that are counted of one property."""
 LEAST_COUNT: Final = 3
@@ -92,7 +92,7 @@ class ObservedObjects:
                     _count(known.counts, each.attributes)
 
     def forget(self, symbol: str) -> None:
-        """What is shown of it from now on may be another."""
+        """Forget its properties: from now on percepts may show another object."""
         if symbol in self._known:
             self._known[symbol].counts.clear()
 
@@ -148,7 +148,7 @@ def properties_of(counts: Mapping[str, Counter[PropertyValue]]) -> dict[str, Obs
 def since(
     counts: Mapping[str, Counter[PropertyValue]], before: Mapping[str, Counter[PropertyValue]]
 ) -> dict[str, Counter[PropertyValue]]:
-    """What was shown after another time."""
+    """The properties shown after another time."""
     left = {name: each - before.get(name, Counter()) for name, each in counts.items()}
     return {name: each for name, each in left.items() if each}
 

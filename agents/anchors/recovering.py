@@ -1,8 +1,8 @@
 """Wanted objects that are to be looked at again while it is open which they are (`want ... recover=yes`), on the platform's own vehicle.
 
-The vehicle flies as in a mission of the platform itself: its pilot's hands and giving way go first, floor, ceiling, fence and range
-hold, and a vehicle that a mission has is not taken from it. What is halted, planned, seen and concluded is reported to the requester,
-is in the log, and is the state of the task; a question is answered as that of a mission is. Times are the node clock.
+The vehicle flies as in a mission of the platform itself: its pilot's hands and giving way go first, floor, ceiling,
+fence and range hold, and a vehicle that a mission has is not taken from it. Halts, plans, looks and conclusions are
+reported to the requester, logged, and the state of the task; questions are as those of a mission. Node clock.
 """
 
 from collections.abc import Callable, Iterator
@@ -86,7 +86,7 @@ class _Recovery:
         return self._wanted.task.conversation
 
     def step(self, now_us: int) -> None:
-        """Look at what is seen, and do what is due."""
+        """Take the present percepts, and do the due steps."""
         part, process = self._part, self._part.process(self._wanted)
         if process is None:
             return
@@ -100,7 +100,7 @@ class _Recovery:
         self._wanted.task.state = self.looking.state[:200]
 
     def _let_follow(self, now_us: int) -> None:
-        """What is followed under the symbol is followed again once it is decided, or nothing is done to decide it."""
+        """The object under the symbol is followed again once it is decided, or nothing is done to decide it."""
         if self._released_us is None or self.looking.recovery is not None:
             return
         if self.looking.anchored or self._part.federation_us(now_us) >= self._released_us + RELEASED_US:
@@ -108,7 +108,7 @@ class _Recovery:
             self._part.following.go_on("", now_us)
 
     def on_event(self, event: LinkEvent, now_us: int) -> None:
-        """What became of the object that has the symbol."""
+        """Take an event of the object that has the symbol."""
         federation_us = self._part.federation_us(now_us)
         if event.kind == "lost":
             self.looking.on_lost(federation_us)
@@ -242,7 +242,7 @@ class RecoveringAnchors(Part):
     Args:
         attention: turns the camera.
         leading: has plans made, lists missions and takes answers to their questions.
-        wanting: takes what is wanted, and hands on what is to be recovered.
+        wanting: takes the wanted objects, and hands on those to be recovered.
         following: is paused while the vehicle looks again.
         queries: lists what happened to objects.
     """
@@ -270,7 +270,7 @@ class RecoveringAnchors(Part):
     # -- asked and ended ---------------------------------------------------------------------------------------
 
     def begin(self, wanted: WantedTask, now_us: int) -> Callable[[int], None]:
-        """Look for it, and again while it is open which object it is; what ends that.
+        """Look for it, and again while it is open which object it is; returns a function that ends that.
 
         Raises:
             Refused: the platform may not command its vehicle; the description is not one of properties.
@@ -295,7 +295,7 @@ class RecoveringAnchors(Part):
             self._recoveries[conversation].on_event(event, self._now_us)
 
     def events(self, symbol: str | None) -> Iterator[tuple[Label, ObjectEvent]]:
-        """What was done for one wanted object, or for all, each with the stream that it is of."""
+        """The steps for one wanted object, or for all, each with the stream that it is of."""
         for each in self._recoveries.values():
             if symbol in {None, each.symbol}:
                 for at_us, kind, text in each.looking.history:
@@ -323,7 +323,7 @@ class RecoveringAnchors(Part):
         return self._clock.federation_us(now_us)
 
     def process(self, wanted: WantedTask) -> LinkStream | None:
-        """What makes the stream of the wanted object; None: the specification has none any longer."""
+        """The maker of the wanted object's stream; None: the specification has none any longer."""
         network, label = self.instance.network, wanted.want.stream
         found = network.process(label) if network.has(label) else None
         return found if isinstance(found, LinkStream) else None
@@ -347,14 +347,14 @@ class RecoveringAnchors(Part):
 
     @property
     def view_m(self) -> float:
-        """The lesser extent of what the widest camera sees straight below it, and a little less."""
+        """The lesser extent of the widest camera's view straight below it, and a little less."""
         widest = max(self._rig.cameras.values(), key=lambda each: each.width_px / each.focal_px, default=None)
         if widest is None or self.height_m is None:
             return USUAL_VIEW_M
         return OVERLAP * self.height_m * min(widest.width_px, widest.height_px) / widest.focal_px
 
     def shows(self, x_m: float, y_m: float, since_us: int) -> bool:
-        """Whether the newest image shows this place; one that is old or older than that time does not."""
+        """Whether the newest image shows this place; an image that is stale or older than that time does not."""
         view, now_us = self._view, self.federation_us(self._now_us)
         if view is None or view.valid_us < max(since_us, now_us - STALE_US):
             return False

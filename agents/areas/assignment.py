@@ -33,7 +33,7 @@ MOST, MOST_OF_ONE, MOST_FOR_ONE = 16, 8, 4
 
 @dataclass(slots=True)
 class AssignedPiece:
-    """The newest assignment of one task, by which life of its leader, for what was delegated; `gone_us`: since when the leader is gone."""
+    """The newest assignment of one task, by the leader's incarnation; `gone_us`: since when the leader is gone."""
 
     leader: str
     boot: int

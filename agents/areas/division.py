@@ -41,20 +41,20 @@ AFTER_US: Final = 300_000
 SPEED_M_S: Final = 10.0
 SPEED_MOST_M_S: Final = 60.0
 BATTERY: Final = 0.5
-"""What is assumed where a platform does not say, and the most that is believed of a speed."""
+"""The assumption where a platform states nothing, and the greatest believed speed."""
 BATTERY_LEAST: Final = 0.1
 """With less a platform gets no piece."""
 SUCCESSOR_STEP_US: Final = 1_000_000
 """How much later each next platform takes over a division whose leader is gone."""
 RENEWED_US: Final = 2_000_000
-"""After that a successor divides once more: one that saw the leader longer has not followed it."""
+"""After that a successor divides once more: a platform that saw the leader longer has not followed it."""
 MOST, MOST_OF_ONE = 8, 4
 """Divisions that one platform leads, in all and of one delegator that is no command centre: it leaves room for others."""
 
 
 @dataclass(slots=True)
 class PlatformAbility:
-    """What a platform says of itself: values by field, by semantic label."""
+    """A platform's statements about itself: values by field, by semantic label."""
 
     unit: str
     values: dict[str, dict[str, Any]] = field(default_factory=dict)
@@ -75,7 +75,7 @@ class PlatformAbility:
         return float(found["latitude_deg"]), float(found["longitude_deg"])
 
     def assumed(self) -> str:
-        """What it did not say."""
+        """The labels that it did not state."""
         return " and ".join(label for label in ("top-speed", "battery") if label not in self.values)
 
     def unbelieved(self) -> list[str]:
@@ -97,7 +97,7 @@ class PlatformAbility:
 
 @dataclass(slots=True)
 class DividedArea:
-    """One task: what is divided into which pieces, and the answers that are awaited."""
+    """One task: the area, its pieces, and the awaited answers."""
 
     evidence: TaskEvidence
     content: DivideArea
@@ -127,7 +127,7 @@ class AreaDivision(Part):
         own: takes the piece of this platform.
 
     Attributes:
-        areas: what this platform divides, by task.
+        areas: the areas that this platform divides, by task.
         succeeds_us: when it takes over the divisions of leaders that are gone, by task.
     """
 
@@ -294,7 +294,7 @@ class AreaDivision(Part):
     # -- again -------------------------------------------------------------------------------------------------
 
     def on_peer(self, change: PeerChange, now_us: int) -> None:
-        """A platform came or went, or what it can do: divide again soon, or take over its divisions."""
+        """A platform came or went, or its abilities changed: divide again soon, or take over its divisions."""
         if isinstance(change, PlatformGone | PlatformAppeared):
             self._see_to_succession(now_us)
         for divided in self.areas.values():
@@ -326,7 +326,7 @@ class AreaDivision(Part):
                 divided.is_asking, divided.due_us = False, now_us
             if divided.due_us is not None and now_us >= divided.due_us:
                 if divided.is_asking:
-                    self._divide(divided, now_us)  # with what was answered
+                    self._divide(divided, now_us)  # with the answers so far
                 else:
                     self._ask(divided, now_us)
 

@@ -1,8 +1,8 @@
 """A piece of a divided area is scanned: its vehicle flies lanes over it until all of it was in view for 5 s (thesis 7.1.1, 9.2.3).
 
-Lanes follow from the cameras' field of view. What was seen is a stream, `scanned-area`, which the platforms of a division import of each
-other: when one is gone, and the area is divided again, the others fly over what none has seen. The vehicle is commanded as in
-a mission, so that its pilot and giving way go before it; that a command centre asked for the scan is in the evidence of its task.
+Lanes follow from the cameras' field of view. The seen cells are a stream, `scanned-area`, which the platforms of a
+division import of each other: when one is gone, and the area is divided again, the others fly over the unseen cells.
+The vehicle is commanded as in a mission, after its pilot and giving way, on the evidence of a command centre's request.
 """
 
 from collections.abc import Iterable
@@ -126,7 +126,7 @@ class Scanning(Part):
         self._show("", now_us)
 
     def _take(self, piece: AssignedPiece, now_us: int) -> None:
-        """Another piece, or the same in a newer division: what was seen of the area stays seen."""
+        """Another piece, or the same in a newer division: seen cells of the area stay seen."""
         content, scan, asked = piece.content, self.scan, piece.evidence.content
         if not isinstance(asked, DivideArea):
             return
@@ -163,7 +163,7 @@ class Scanning(Part):
             self.scan.grid.look(sample.valid_us, np.array(view, dtype=np.float64).reshape(4, 2))
 
     def _on_scanned(self, unit: str, _label: str, sample: Sample) -> None:
-        """What another platform knows to be seen of the same area."""
+        """Merge the cells of the same area that another platform has seen."""
         scan, value = self.scan, self._translation.to_semantic(SCANNED).sample(sample).value
         if scan is None or value is NO_VALUE or value[0] != scan.task:
             return

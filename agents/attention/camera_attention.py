@@ -1,4 +1,4 @@
-"""A platform's camera, turned to what is to be learnt of the objects that it knows, while a task has it so (thesis 8.5, 10.4)."""
+"""A camera, turned to the known objects with the greatest need, while a task has it so (thesis 8.5, 10.4)."""
 
 from collections.abc import Iterable
 from itertools import count
@@ -47,7 +47,7 @@ _NUMBERS = 1 << 40
 
 
 class CameraAttention(Part):
-    """Decides where to look, five times a second, while there is a task; what it looks at and why is a stream.
+    """Decides where to look, five times a second, while there is a task; its decision and the reason are a stream.
 
     Args:
         cameras: where they are and look.

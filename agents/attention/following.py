@@ -1,8 +1,8 @@
 """`(follow object: car3)`: the vehicle flies after an object that the platform sees, by guided orders through its pilot.
 
-The pilot's hands come first: a pilot that takes the vehicle over, and any other order to it, ends the task. Giving way comes next:
-nothing is sent until it is over. A mission is never interrupted. What the rules forbid is not flown: the vehicle comes as near
-as floor, ceiling, range and fence allow. While the object is not seen it is followed where it is expected.
+The pilot's hands come first: a pilot that takes the vehicle over, and any other order to it, ends the task. Giving way
+comes next: nothing is sent until it is over. A mission is never interrupted. The vehicle comes as near as floor,
+ceiling, range and fence allow. While the object is not seen it is followed where it is expected.
 """
 
 from collections.abc import Iterable
@@ -43,10 +43,10 @@ _NEARER = (1.0, 0.75, 0.5, 0.25)
 
 @dataclass(slots=True)
 class _Task:
-    """What is followed, for whom, and the order that stands for it.
+    """The followed object, the request, and the order that stands for it.
 
     Attributes:
-        paused: what the vehicle is needed for instead; empty: it follows.
+        paused: the other use of the vehicle; empty: it follows.
         until_us: until then the object may be unknown.
     """
 
@@ -172,7 +172,7 @@ class Following(Part):
 
     @property
     def symbol(self) -> str:
-        """What is followed; empty: nothing is."""
+        """The followed object; empty: none."""
         return "" if self._task is None else self._task.symbol
 
     def pause(self, reason: str, now_us: int) -> None:

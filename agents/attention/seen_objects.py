@@ -74,7 +74,7 @@ class SeenObjects:
         return list({id(each.linkage): each for each in made if hasattr(each, "linkage")}.values())
 
     def _take(self) -> None:
-        """Follow the streams that are there; what has come or gone with the specification changes them."""
+        """Follow the streams that are there; changes of the specification change them."""
         tables = {each.label: each for each in self._tables()}
         for label, (table, undo) in tuple(self._held.items()):
             if tables.get(label) is not table:
@@ -86,7 +86,7 @@ class SeenObjects:
 
 
 def _ignore(_change: ObjectChange, _now_us: int) -> None:
-    """What is there is read."""
+    """The tables are read when needed."""
 
 
 def _of_table(table: ObjectTable, now_us: int, followed: Collection[str]) -> Iterator[WatchedObject]:

@@ -1,4 +1,4 @@
-"""Where a vehicle is to fly that follows an object: near it, and no nearer; what becomes of one that leaps. Pure."""
+"""The place for a vehicle that follows an object, near it but not too near; leaps are not followed at once. Pure."""
 
 from collections.abc import Sequence
 from math import hypot, isfinite
@@ -10,7 +10,7 @@ from dyknow import US_PER_S
 LEAD_S: Final = 2.0
 """The vehicle flies to where the object will be after so long."""
 FASTEST_M_S: Final = 60.0
-"""What moves faster from one look to the next has leapt."""
+"""An object that moves faster from one look to the next has leapt."""
 SURE_M: Final = 25.0
 """A symbol may move so far at once, as the object that it names is found again."""
 CREDIBLE_US: Final = 2 * US_PER_S
@@ -55,7 +55,7 @@ class Leaps:
         self.since_us: int | None = None
 
     def is_credible(self, now_us: int, place: Whereabouts) -> bool:
-        """Take the next place; one that is not credible changes nothing but `since_us`."""
+        """Take the next place; a place that is not credible changes nothing but `since_us`."""
         if self._last is not None:
             at_us, before = self._last
             reach_m = SURE_M + FASTEST_M_S * max(now_us - at_us, 0) / US_PER_S

@@ -1,7 +1,7 @@
 """`(want symbol: suspect type: cars description: "...")`: an object that is described is looked for until that is cancelled.
 
-What comes into view and is as described is given the symbol, whether a camera is turned to look for it (`attend`) or not. The
-requester is notified when it is found, tracked, lost and found again, at most once a second: of several changes the last one.
+An object that comes into view and fits the description is given the symbol, with or without a camera turned to it
+(`attend`). The requester is notified when it is found, tracked, lost and found again, at most once a second.
 """
 
 from collections.abc import Callable
@@ -35,12 +35,12 @@ MOST_OF_ONE: Final = 4
 EVERY_US: Final = 1_000_000
 LONGEST_TEXT: Final = 400
 STATES: Final = {"find": "found", "track": "tracked", "reacquire": "found again", "lost": "lost: looked for"}
-"""For the requester and the list of tasks, by what happened."""
+"""Words for the requester and the list of tasks, by event."""
 
 
 @dataclass(slots=True)
 class _Search:
-    """What one task has looked for.
+    """The search of one task.
 
     Attributes:
         text: for the requester, not sent yet.
@@ -63,7 +63,7 @@ class WantedTask(NamedTuple):
 
 
 class AnchorRecoveries(Protocol):
-    """What looks again while it is open which object is the wanted one."""
+    """The interface to the part that looks again while it is open which object is the wanted one."""
 
     def begin(self, wanted: WantedTask, now_us: int) -> Callable[[int], None]: ...
     def on_event(self, conversation: str, event: LinkEvent) -> None: ...
@@ -122,7 +122,7 @@ class Wanting(Part):
         self._agent.answer(act, Performative.AGREE, None, now_us)
 
     def _begin(self, wanted: WantedTask, now_us: int) -> Callable[[int], None]:
-        """Look for it; what ends that. Raises Refused."""
+        """Look for it; returns a function that ends that. Raises Refused."""
         if wanted.content.recover == "no":
             undo = self._instance.parts.want(wanted.want, wanted.on_event)
             return lambda _at_us: undo()

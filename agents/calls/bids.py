@@ -35,7 +35,7 @@ OF_ONE, OF_A_CENTRE, OF_ALL = 16, 64, 256
 CALLS: Final = 4096
 """Calls by which a second one for the same is known."""
 TASK: Final = CallForStream.head
-"""What the stream of a proposal that was taken is called among the tasks."""
+"""The name of a taken proposal's stream among the tasks."""
 
 
 class _Named(NamedTuple):
@@ -56,7 +56,7 @@ class Bids(Part):
 
     Args:
         federation: exports what was taken.
-        agreements: what is offered here, and to whom.
+        agreements: the offers here, and to whom.
         shedding: a platform that has too much to do proposes nothing.
     """
 
@@ -151,7 +151,7 @@ class Bids(Part):
         return self._forget(act) is not None
 
     def on_peer(self, change: PeerChange, now_us: int) -> None:
-        """What is offered here no longer ends, and its callers are notified."""
+        """End the streams of offers that are withdrawn here; their callers are notified."""
         if not isinstance(change, LabelGone) or change.unit != self._agent.unit:
             return
         label = change.label.label

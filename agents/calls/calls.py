@@ -1,7 +1,7 @@
 """The calls of this platform: a stream that its specification calls for is of the platform whose proposal was taken.
 
-A call is out while its stream has subscribers here; what the platform in use brings is passed on, and its next one takes its
-place under the same label. Times are the node clock, but for valid times.
+A call is out while its stream has subscribers here; samples of the platform in use are passed on, and the next platform
+takes its place under the same label. Times are the node clock, but for valid times.
 """
 
 from collections.abc import Callable, Iterable
@@ -55,7 +55,7 @@ class CalledStream:
         self.subscription = subscription
 
     def on_sample(self, unit: str, sample: Sample, now_us: int) -> None:
-        """Pass on what is as promised."""
+        """Pass on a sample that is as promised."""
         if self.call is not None and self.call.on_sample(unit, sample.quality.certainty, sample.delay_us, now_us):
             self._take(sample)
 

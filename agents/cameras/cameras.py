@@ -38,7 +38,7 @@ class Cameras(Part):
         offer: called when the condition changes.
 
     Attributes:
-        perception: what is done with images.
+        perception: makes percepts of images.
     """
 
     takes = {Reported: "on_reported"}  # noqa: RUF012  (a declaration)
@@ -127,7 +127,7 @@ class Cameras(Part):
         self._judge(now_us)
 
     def _push_person(self, valid_us: int, percept: Percept, federation_us: int, now_us: int) -> None:
-        """What detectors of persons have scored; the stream is offered from the first of it on."""
+        """Push the percepts that detectors of persons have scored; the stream is offered from the first of them on."""
         record = person_record(percept)
         if record is None:
             before = self._scored.pop(percept.symbol, None)

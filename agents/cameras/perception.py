@@ -1,4 +1,4 @@
-"""Images in, percepts out: what detectors found, put on the ground, fused over the cameras and tracked. Pure.
+"""Images in, percepts out: detections, put on the ground, fused over the cameras and tracked. Pure.
 
 An image waits until position, attitude and mount are known up to its time, at most `PATIENCE_US`: then they are predicted,
 or, where too little is known, the image is left out and counted by reason.
@@ -24,13 +24,13 @@ from navigation.vehicle import AttitudeReport, ImageDetection, ImageReport, Moun
 PATIENCE_US: Final = 250_000
 MOST_WAITING: Final = 16
 MOST_DETECTIONS: Final = 200
-"""In the images of one instant; what is beyond is left out."""
+"""Most detections in the images of one instant; the others are left out."""
 LONGEST_TEXT: Final = 32
 """Characters of an attribute."""
 
 
 class ImageLook(NamedTuple):
-    """What one image brought.
+    """The percepts of one image.
 
     Attributes:
         view_m: (4, 2) corners, east and north, of the ground that percepts of this time are of; None: no percepts were due,
@@ -71,19 +71,19 @@ class Perception:
         self._estimator.on_estimate(valid_us, estimate)
 
     def on_attitude(self, report: AttitudeReport) -> None:
-        """Take an attitude; one that is no number is left out."""
+        """Take an attitude; one that is not a number is left out."""
         if all(map(isfinite, report[2:])):
             self._estimator.on_attitude(report)
 
     def on_mount(self, report: MountReport) -> None:
-        """Take the angles of the mount; those that are no numbers are left out."""
+        """Take the angles of the mount; angles that are not numbers are left out."""
         if isfinite(report.pan_rad) and isfinite(report.tilt_rad):
             self._estimator.on_mount(report.valid_us, PanTilt(report.pan_rad, report.tilt_rad))
         else:
             self.left_out["mount without angles"] += 1
 
     def on_image(self, report: ImageReport) -> None:
-        """Take what was found in the images of an instant; those that come late or twice are left out."""
+        """Take the detections in the images of an instant; late and repeated ones are left out."""
         if report.valid_us <= self._newest_us:
             self.left_out["image out of order"] += 1
             return
@@ -150,7 +150,7 @@ class Perception:
 
 
 def _attributes(valid_us: int, detection: ImageDetection) -> dict[str, Value]:
-    """Texts, cut off where they are too long; the score of what may be a person, and where in which image that is, by channel."""
+    """Texts, cut off; the score of a detection that may be a person, with its place and image, by channel."""
     found: dict[str, Value] = {}
     for name, value in detection.attributes:
         if isinstance(value, str):

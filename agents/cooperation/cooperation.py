@@ -49,7 +49,7 @@ class Cooperation(Part):
         picture: None while the platform exports no tracks.
         tracks: the label of its own tracks.
         partners: the platforms whose streams are asked for.
-        takers: what takes the samples of their streams, by semantic label.
+        takers: the consumers of the samples of their streams, by semantic label.
     """
 
     heeds_samples = True
@@ -188,7 +188,7 @@ class Cooperation(Part):
         self._show(federation_us)
 
     def _tell(self, event: PictureEvent) -> None:
-        """Platforms that come and go, and what one of them does that it should not, are notes."""
+        """Note platforms that come and go, and refused reports."""
         if event.kind in {"arrived", "departed"}:
             self._note(f"picture: platform {event.name} {event.kind}: {event.because}")
         elif event.kind == "refused":

@@ -1,4 +1,4 @@
-"""Handover as a part: manoeuvres over the areas of several platforms, and what each pair of platforms shares for that (thesis 9.2).
+"""Handover as a part: manoeuvres over several platforms' areas, and the streams shared for that by pairs (thesis 9.2).
 
 A platform recognises overtakes of all cars of its picture, and the chronicles of attributes that its specification declares. For cars
 outside its own area it gets data of the platform into whose area they drive: percepts, states, relations or events
@@ -60,7 +60,7 @@ CAMERA_US: Final = 1_000_000
 PERCEPTS_US: Final = 100_000
 DECIDES_US: Final = US_PER_S
 HALF_VIEW_RAD: Final = 0.73
-"""Half of what a camera that looks down is taken to see across."""
+"""Half the assumed angle of view of a camera that looks down."""
 BUSY: Final = "too busy"
 """How the condition of a platform begins that has too much to do."""
 SETTLES_US: Final = 10 * US_PER_S
@@ -78,10 +78,10 @@ _STREAM: Final[Mapping[SharingLevel, Mapping[str, int]]] = {
 
 
 class Handover(Part):
-    """Recognises what spans areas. Node clock, but for what is called federation time.
+    """Recognises what spans areas. Node clock, except for federation times.
 
     Attributes:
-        levels: what is shared with each platform now.
+        levels: the level shared with each platform now.
         recognised: the latest manoeuvres.
     """
 
@@ -328,7 +328,7 @@ class Handover(Part):
         self.recognised.append(PictureEvent(end_ms * US_PER_MS, "recognised", name, because))
 
     def _renew(self) -> None:
-        """The chronicles that are recognised: those that the specification declares, and overtakes in any case."""
+        """The chronicles that are recognised: the specification's, and overtakes in any case."""
         declared = {each.content: each.watch for each in self._instance.chronicles.values()}
         wanted = {each: (handed_over(each), watch.initially) for each, watch in declared.items()}
         if not any("passes" in names for names, _ in wanted.values()):
@@ -374,7 +374,7 @@ def _names(entry: DirectoryEntry | None) -> frozenset[str]:
 
 
 def _offered(entry: DirectoryEntry) -> frozenset[SharingLevel]:
-    """What a platform can share; one that links its percepts itself shares what comes of them."""
+    """The levels that a platform can share; one that links its percepts itself shares its tracks."""
     labels = _names(entry)
     levels = frozenset(level for label, level in _LABELS.items() if label in labels)
     return levels - {"percepts"} if TRACKS in labels else levels

@@ -1,4 +1,4 @@
-"""Percepts of a platform that links nothing itself, linked here: what comes of them are its tracks."""
+"""Percepts of a platform that links nothing itself, linked here: the objects are its tracks."""
 
 from anchoring.cooperation.reports import TrackReport
 from anchoring.links.states import ObjectState

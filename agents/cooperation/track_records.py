@@ -23,7 +23,7 @@ _NOTHING: Final = float("nan")
 
 
 def track_report(unit: str, sample: Sample, sort: Sort) -> TrackReport | None:
-    """What a sample of `object-tracks` reports; None: nothing."""
+    """The report of a sample of `object-tracks`; None: none."""
     if sample.value is NO_VALUE:
         return None
     fields = dict(zip((each.name for each in sort.fields), sample.value, strict=True))
@@ -41,7 +41,7 @@ def track_report(unit: str, sample: Sample, sort: Sort) -> TrackReport | None:
 
 
 def identity_claim(unit: str, value: Value) -> IdentityClaim | None:
-    """What a sample of `object-identities` claims; None: nothing that can be."""
+    """The claim of a sample of `object-identities`; None: none, or an impossible one."""
     if value is NO_VALUE:
         return None
     symbol, identity, born_s, since_s, *_ = value
@@ -71,7 +71,7 @@ def ended_value(name: str) -> Value:
 
 
 def attributes_of(row: PictureRow) -> dict[str, Any]:
-    """What an answer shows of a row."""
+    """The attributes of a row in an answer."""
     state = row.state
     deviation_m = math.sqrt((state.covariance[0, 0] + state.covariance[1, 1]) / 2)
     found = {
@@ -86,7 +86,7 @@ def relation_value(relation: PairRelation) -> Value:
 
 
 def pair_relation(sample: Sample) -> PairRelation | None:
-    """The relation of a sample of `pair-relations`; None: nothing that can be."""
+    """The relation of a sample of `pair-relations`; None: none, or an impossible one."""
     if sample.value is NO_VALUE:
         return None
     _, one, other, *record, _ = sample.value
@@ -99,7 +99,7 @@ def event_value(event: PairEvent) -> Value:
 
 
 def pair_event(sample: Sample) -> PairEvent | None:
-    """The event of a sample of `pair-events`; None: nothing that can be."""
+    """The event of a sample of `pair-events`; None: none, or an impossible one."""
     if sample.value is NO_VALUE:
         return None
     _, one, other, kind, _ = sample.value
@@ -114,7 +114,7 @@ def attribute_value(attribute: ObjectAttribute) -> Value:
 
 
 def object_attribute(sample: Sample) -> ObjectAttribute | None:
-    """What a sample of `object-attributes` says; None: nothing that can be."""
+    """The attribute of a sample of `object-attributes`; None: none, or an impossible one."""
     if sample.value is NO_VALUE or NO_VALUE in sample.value:
         return None
     _, feature, one, other, value, since_s, _ = sample.value

@@ -6,7 +6,7 @@
 | goto lat lon h, climb h | guided target; it climbs where it was sent, if it is there | 1.5 m from it level and 1 m in height, slower than 1 m/s |
 | land, return-home | the mode | it stands disarmed |
 | winch m | so much line out | it is, within 15 cm |
-| magnet 1, magnet 0 | the gripper | it is acknowledged; what hangs on the line shows whether it holds something |
+| magnet 1, magnet 0 | the gripper | it is acknowledged; the mass on the line shows whether it holds something |
 | hold | guided target where it is | slower than 1 m/s |
 | look-down | the camera's mount straight down, and it stays so for the other commands | at once: a camera without a mount looks down |
 | wait s | nothing | the time is over |
@@ -104,7 +104,7 @@ class CommandRun:
     # -- ordered -----------------------------------------------------------------------------------------------
 
     def _begin(self, command: VehicleCommand, pilot: Pilot, now_us: int) -> list[Command]:
-        """What is to be ordered for it now; raises Refused."""
+        """The orders for it now; raises Refused."""
         status = pilot.status
         if command.name == "take-off" and (status is None or not status.airborne):
             return self._take_off(command.numbers[0], pilot, now_us)
@@ -153,7 +153,7 @@ class CommandRun:
         return [pilot.handle(wanted)]
 
     def _is_shown(self, wanted: Order, pilot: Pilot) -> bool:
-        """Whether the vehicle is where it is to go without an order: one that stands need not be landed."""
+        """Whether the vehicle is in the wanted state without an order: a standing one need not be landed."""
         status = pilot.status
         if isinstance(wanted, LandOrder | ReturnHomeOrder):
             return status is not None and not status.armed

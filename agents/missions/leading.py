@@ -156,7 +156,7 @@ class MissionLeading(Part):
             raise Refused(f"this platform has mission {mission} already, or {MOST} missions", "busy")
 
     def problem_now(self, texts: MissionTexts, now_us: int) -> Declarations:
-        """The problem with what is sensed of vehicles now, as far as their streams are here."""
+        """The problem with the sensed values of vehicles now, as far as their streams are here."""
         frame = self._origin()
         sensed = {} if frame is None else self._sensors(texts, frame).sample(self.federation_us(now_us))
         return with_initial(texts.problem, sensed)
@@ -291,14 +291,14 @@ class MissionLeading(Part):
         return led is not None and led.mission is not None and led.mission.status.phase is MissionPhase.SUSPENDED
 
     def go_on(self, mission: str, result: str, now_us: int) -> None:
-        """What a mission was halted for is over: it continues where it was interrupted."""
+        """The reason for which a mission was halted is over: it continues where it was interrupted."""
         led = self._led.get(mission)
         if led is not None:
             self.report(led, "anchor", result, now_us)
             led.take(events.MissionResumed(), now_us)
 
     def on_missions(self, act: Act, _content: MissionQuery, now_us: int) -> None:
-        """`(missions)`: those that run, and the last ones that are over."""
+        """`(missions)`: the running missions, and the last ones that are over."""
         entries = [led.entry() for led in (*self._led.values(), *self.listed.values(), *reversed(self._over.values()))]
         self._agent.answer(act, P.INFORM, MissionList(missions=tuple(entries[:16])), now_us)
 

@@ -1,5 +1,5 @@
-"""One mission that this platform leads: what `planning` decides is done by vehicles, searches and users, and what becomes of it
-is reported to `planning` again. Times are the node clock, but for those of the mission, which are federation time.
+"""One mission that this platform leads: vehicles, searches and users carry out decisions of `planning`, and the results
+are reported to `planning` again. Times are the node clock, but for those of the mission, which are federation time.
 """
 
 from collections import deque
@@ -47,7 +47,7 @@ class MissionUnit(Protocol):
 
 
 class MissionPorts(Protocol):
-    """What a mission needs of the part that holds it."""
+    """The ports of a mission to the part that holds it."""
 
     def search(self, led: "LedMission", effect: events.SearchPlan, texts: tuple[str, str], now_us: int) -> None: ...
     def end_search(self, led: "LedMission") -> None: ...
@@ -58,7 +58,7 @@ class MissionPorts(Protocol):
 
 @dataclass(frozen=True, slots=True)
 class MissionOrder:
-    """What was delegated, by which act, as which task.
+    """A delegated mission: its act and its task.
 
     Attributes:
         plan: the one that was consented to, if one was proposed.
@@ -164,7 +164,7 @@ class LedMission:
                 self.take(waits, now_us)
 
     def left(self, now_us: int) -> Declarations | None:
-        """The problem as it is now; None: it has not begun, or what was lost is being looked for."""
+        """The problem as it is now; None: it has not begun, or a lost object is being looked for."""
         if self.mission is None or self.mission.status.phase is MissionPhase.LOCATING:
             return None
         return self.mission.problem_at(self._ports.federation_us(now_us))

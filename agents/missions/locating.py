@@ -39,11 +39,11 @@ NOTICED_US: Final = 5_000_000
 HANGS_M: Final = 0.4
 """The lower side of what hangs on a line is so far below its end."""
 LAID_SD_M: Final = 3.0
-"""Of the place of what was not dropped: it lies near the vehicle."""
+"""Standard deviation of the place of an object that was not dropped: it lies near the vehicle."""
 SETTLED_US: Final = 500_000
 """Images are looked at when their percepts have had so long to come."""
 RESTS_US: Final = 3_000_000
-"""What fell has come to rest by then: while it falls and slides images show it elsewhere."""
+"""A fallen object lies still by then: while it falls and slides images show it elsewhere."""
 BLIND_US: Final = 15_000_000
 """A unit that shows no image for so long does not see."""
 
@@ -61,7 +61,7 @@ class SearchingUnit(Protocol):
 
 
 class UnitSights:
-    """How vehicles flew, and what their cameras show.
+    """The flights of vehicles, and the percepts of their cameras.
 
     Args:
         frame: of the mission's origin.
@@ -130,7 +130,7 @@ class UnitSights:
         return float(east_m), float(north_m)
 
     def looks(self, unit: str, from_us: int, to_us: int) -> list[tuple[int, np.ndarray | None, list[PlacedPercept]]]:
-        """What was seen after one time, up to another: each time with the corners in view (4, 2), and percepts."""
+        """The looks after one time, up to another: each time with the corners in view (4, 2), and percepts."""
         platform = self._platforms[unit]
         views = self._between(VIEW, platform, from_us - SETTLED_US, to_us)
         seen: dict[int, list[PlacedPercept]] = {each.valid_us: [] for each in views if each.valid_us > from_us}
@@ -197,7 +197,7 @@ class Locating:
 
     Attributes:
         is_looking: whether units fly for it now.
-        vague: what is looked for and has no colour in the problem.
+        vague: the wanted objects without a colour in the problem.
     """
 
     def __init__(self, sights: UnitSights, units: Mapping[str, SearchingUnit]) -> None:
@@ -267,14 +267,14 @@ class Locating:
             sought.there = None
 
     def on_performed(self, step: int, why: str) -> bool:
-        """What became of a flight; return whether it was one of a search."""
+        """Take the result of a flight; return whether it was one of a search."""
         for sought in self._sought.values():
             if sought.step == step:
                 sought.why = why
         return step >= FIRST_STEP
 
     def step(self, now_us: int, federation_us: int) -> list[events.MissionEvent]:
-        """Look on (node clock, federation time); what was found, or why it was not."""
+        """Look on (node clock, federation time); returns the located objects, or why there are none."""
         if not self.is_looking:
             return []
         if self._refused:

@@ -1,7 +1,7 @@
-"""What an action is to have done, looked at before the action counts as done: `:locate` of an operator.
+"""The effects of an action, looked at before the action counts as done: `:locate` of an operator.
 
-The unit looks straight down from where it is; what is not in view from there is looked for from above. What was seen is where
-it is, whatever the effects say; what was not seen is a failure. Times of streams are federation time.
+The unit looks straight down from where it is, and from above at an object that is not in view. The seen place counts,
+whatever the effects say; an object that was not seen is a failure. Times of streams are federation time.
 """
 
 from collections.abc import Mapping
@@ -21,7 +21,7 @@ from planning.recovery.situation import objects_of
 FIRST_LOOK: Final = 2_000_000
 """Flights to look are numbered from here on."""
 RESTS_US: Final = 1_000_000
-"""What was let go lies still by then."""
+"""A released object lies still by then."""
 NEAR_US: Final = 2_500_000
 """So long it is looked for from where the unit is."""
 ABOVE_US: Final = 4_000_000
@@ -29,9 +29,9 @@ ABOVE_US: Final = 4_000_000
 SETTLED_US: Final = 500_000
 ABOVE_M: Final = 15.0
 AROUND_SD_M: Final = 3.0
-"""Of the place of what is looked at, from below the unit."""
+"""Standard deviation of the place of a located object, from below the unit."""
 APART_M: Final = 0.5
-"""What is nearer to the place of another thing is that thing: boxes on a carrier stand close together."""
+"""A percept nearer to the place of another thing is that thing: boxes on a carrier stand close together."""
 
 
 @dataclass(slots=True)
@@ -59,13 +59,13 @@ class EffectLooks:
         self._steps = count(FIRST_LOOK)
 
     def on_started(self, start: StartAction, now_us: int) -> None:
-        """An action begins: what cameras show is to be here when its commands are done."""
+        """An action begins: percepts of the cameras are needed here when its commands are done."""
         if start.located:
             self._wanted[start.step] = start
             self._sights.look(start.unit, now_us, wanted=True)
 
     def on_performed(self, step: int, why: str, now_us: int, federation_us: int) -> ActionEnded | None:
-        """What became of commands; the end of the action, unless its effects are looked at first."""
+        """Take the result of commands; returns the end of the action, unless its effects are looked at first."""
         look = next((each for each in self._looks.values() if each.step == step), None)
         if look is not None and look.climbs:
             look.why, look.above_us = why, federation_us

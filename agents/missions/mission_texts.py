@@ -29,7 +29,7 @@ MAX_OBJECTS: Final = 2000
 
 @dataclass(frozen=True, slots=True)
 class MissionTexts:
-    """What is to be done: the domain with all that was given of the plan, and the problem.
+    """A mission: the domain with the given part of the plan, and the problem.
 
     Attributes:
         platforms: by unit of the problem, the platform that has that vehicle.
@@ -70,7 +70,7 @@ def read_mission(
         raise Refused(f"{unknown[0]} is no unit of the problem; units are {', '.join(units)}", "unknown-unit")
     steps = [step_of(text, whole) for text in actions]
     if steps:
-        # In one piece: what is given of the plan speaks of objects, which a domain alone does not have.
+        # In one piece: the given part of the plan names objects, which a domain alone does not have.
         return MissionTexts(_stepped(whole, steps, is_whole=is_whole), Declarations(), _all(units, platforms))
     return MissionTexts(read_domain, read_problem, _all(units, platforms))
 
@@ -158,7 +158,7 @@ def with_initial(problem: Declarations, values: Mapping[str, Value]) -> Declarat
 
 
 def texts_record(given: Mapping[str, Any]) -> dict[str, Any]:
-    """What `read_mission` makes of these arguments, as plain values, or what is wrong with them, for `texts_in`."""
+    """The result of `read_mission` for these arguments as plain values, or its error, for `texts_in`."""
     try:
         return {"texts": packed(read_mission(**given))}
     except DyknowError as wrong:
@@ -191,7 +191,7 @@ class ActionCommands:
         self._frame = frame
 
     def of(self, action: PlannedAction) -> tuple[VehicleCommand, ...]:
-        """What the vehicle is to do; an operator without commands has it wait for as long as the action takes.
+        """The commands of an action; an operator without commands has the vehicle wait for as long as the action takes.
 
         Raises:
             Refused: a number of a command is not known.

@@ -125,7 +125,7 @@ class OtherUnit:
             self.join(now_us)
 
     def on_told(self, content: Performed, now_us: int) -> None:
-        """What became of a step."""
+        """Take the result of a step."""
         if self._step is not None and content.step == self._step:
             self._step = None
             self.on_performed(content.step, content.failure, now_us)

@@ -43,7 +43,7 @@ Answer = Callable[[str, int], None]
 
 @dataclass(slots=True)
 class _Joined:
-    """The mission that has the vehicle: in which life of its leader, by whose word, and what it does."""
+    """The mission that has the vehicle: its leader's incarnation, its delegator, and its action."""
 
     mission: str
     leader: str
@@ -62,7 +62,7 @@ class Performing(Part):
 
     Args:
         flight: awaits the outcome of single orders.
-        role_of: what a unit may ask for.
+        role_of: the role of a unit.
         emit: takes commands to the vehicle.
         offer: called when its condition changes.
     """
@@ -176,7 +176,7 @@ class Performing(Part):
         self._show(now_us)
 
     def leave(self, now_us: int, *, is_over: bool = True) -> None:
-        """The mission needs the vehicle no more: one that flies for it holds. One that is not over may join again."""
+        """The mission releases the vehicle, which holds if it flies for it; if not over, it may join again."""
         joined, self._joined = self._joined, None
         if joined is None:
             return
@@ -270,7 +270,7 @@ class Performing(Part):
         self.perform(content.action, commands, answer, now_us)
 
     def perform(self, action: str, commands: tuple[VehicleCommand, ...], answer: Answer, now_us: int) -> None:
-        """Do these, for the mission that has the vehicle; what was under way is overtaken."""
+        """Do these, for the mission that has the vehicle; commands under way are overtaken."""
         joined = self._joined
         if joined is None:
             answer("the vehicle takes no part in the mission", now_us)

@@ -1,7 +1,7 @@
 """Missions on a platform without a vehicle, as a command post: it reads them, and delegates each on as a whole (thesis 9.4).
 
-It goes to the first platform present that has a vehicle of the problem, which leads it, with the chain of those that have
-delegated. What that platform reports is reported on, and cancelled is there what is cancelled here.
+It goes to the first platform present that has a vehicle of the problem, which leads it, with the chain of those that
+have delegated. Reports are forwarded; a cancel is passed on.
 """
 
 from functools import partial

@@ -1,4 +1,4 @@
-"""What missions have done in processes next to the node: plans searched for, texts read. What they come to are events."""
+"""The work of missions in processes next to the node: searches for plans, and reading of texts; results are events."""
 
 from collections.abc import Callable, Mapping
 from itertools import count
@@ -16,7 +16,7 @@ OnRead: TypeAlias = Callable[[MissionTexts | Reason, int], None]
 
 
 class MissionSearches:
-    """Those that run.
+    """The running searches.
 
     Args:
         emit: takes what begins and ends them.
@@ -37,7 +37,7 @@ class MissionSearches:
         self._emit(RunSearch(self._begun(owner, on_over), "", "", None, limit_us, problem))
 
     def read(self, owner: object, content: FlyMission, on_read: OnRead) -> None:
-        """Read what is delegated; `on_read` takes it, or what is wrong with it, and where."""
+        """Read a delegated mission; `on_read` takes it, or its error, with the place."""
 
         def on_over(event: SearchOver, at_us: int) -> None:
             on_read(_read(event), at_us)
@@ -63,7 +63,7 @@ class MissionSearches:
             self._emit(EndSearch(number))
 
     def on_over(self, event: SearchOver, now_us: int) -> None:
-        """A search has ended; one that nothing waits for is passed over."""
+        """A search has ended; a search without a waiting mission is passed over."""
         _, on_over = self._running.pop(event.number, (None, None))
         if on_over is not None:
             on_over(event, now_us)

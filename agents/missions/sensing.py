@@ -1,5 +1,5 @@
-"""States of a mission from streams: what domains call `east`, `north`, `height`, `airborne`, `load` and `attached`, of each vehicle that
-takes part. What hangs on a line is the object that the vehicle took hold of last.
+"""States of a mission from streams: the domains' `east`, `north`, `height`, `airborne`, `load` and `attached`, of each
+vehicle that takes part. The load on a line is the object that the vehicle took hold of last.
 
 The streams of other platforms are imported while the mission lasts. Heights are above each vehicle's home; places are
 metres east and north of the mission's origin.
@@ -25,7 +25,7 @@ STALE_US: Final = 1_500_000
 FLYING_M: Final = 1.0
 """Above its home a vehicle that does not say whether it flies does."""
 HELD_KG: Final = 0.3
-"""What hangs on a line weighs so much at least."""
+"""A load on a line weighs so much at least."""
 _LABEL_OF: Final = {
     "east": POSITION,
     "north": POSITION,
@@ -37,7 +37,7 @@ _LABEL_OF: Final = {
 
 
 class UnitSensors:
-    """What is sensed of vehicles now.
+    """The sensed values of vehicles now.
 
     Args:
         frame: of the mission's origin.
@@ -97,7 +97,7 @@ class UnitSensors:
         taken[thing] = None
 
     def _held(self, unit: str, value: Value) -> Iterable[tuple[str, Value]]:
-        """What hangs on the line is what it took hold of last; what it took before does not."""
+        """The load on the line is the object taken last; earlier ones do not hang on it."""
         *before, last = self._taken.get(unit) or (None,)
         if last is not None:
             yield last, value

@@ -6,21 +6,19 @@ Everything else, from queries to monitors of its own, is what every platform has
 federation time, moved by the recording's reader to when they are played.
 """
 
-from collections.abc import Callable, Iterable
+from collections.abc import Iterable
 from typing import Any, NamedTuple
 
 from agents.audit_log import RECORDED, Direction
 from agents.exchange.label_agreements import LabelAgreements
 from agents.exchange.local_instance import LocalInstance
-from agents.interface import InterfaceAgent
 from agents.part import Followed, Part
-from dyknow import NO_VALUE, SURE, Network, Quality, Value
+from agents.ports import PartRegistry, Ports
+from dyknow import NO_VALUE, SURE, Quality, Value
 from dyknow.model.errors import Refused, SortError
 from dyknow.model.semantic_labels import SemanticLabel
-from federation.members.clock import FederationClock
 from federation.messages.acts import Act
 from federation.messages.descriptions import LabelEntry
-from federation.sharing.translation import Translation
 from reasoning import AlarmEvent
 
 
@@ -69,24 +67,12 @@ class RecordedPlatform(Part):
 
     takes = {OffersPlayed: "on_offers", Played: "on_played"}  # noqa: RUF012  (a declaration)
 
-    def __init__(
-        self,
-        unit: str,
-        agent: InterfaceAgent,
-        network: Network,
-        clock: FederationClock,
-        translation: Translation,
-        agreements: LabelAgreements,
-        local: LocalInstance,
-        on_alarm: Callable[[AlarmEvent], None],
-        offer: Callable[[int], None],
-        note: Callable[[str], None],
-        refuse: Callable[[str], None],
-    ) -> None:
-        self._unit, self._network, self._clock, self._translation = unit, network, clock, translation
-        self._agreements, self._on_alarm, self._offer = agreements, on_alarm, offer
-        self._note, self._refuse, self._audit_log = note, refuse, agent.audit_log
-        self._followed: Followed = (local,)
+    def __init__(self, ports: Ports, parts: PartRegistry) -> None:
+        self._unit, self._network, self._clock = ports.unit, ports.network, ports.clock
+        self._translation, self._agreements = ports.translation, parts[LabelAgreements]
+        self._on_alarm, self._offer = ports.on_alarm, ports.offer
+        self._note, self._refuse, self._audit_log = ports.note, ports.refuse, ports.agent.audit_log
+        self._followed: Followed = (parts[LocalInstance],)
         self._entries: dict[str, LabelEntry] = {}
 
     def labels(self) -> Iterable[LabelEntry]:

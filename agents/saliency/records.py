@@ -16,7 +16,7 @@ _NOTHING: Final = float("nan")
 
 
 def person_look(unit: str, sample: Sample) -> PersonLook | None:
-    """What a sample of `person-percepts` of this platform shows; None: nothing."""
+    """The look of a sample of `person-percepts` of this platform; None: none."""
     if sample.value is NO_VALUE:
         return None
     _, x_m, y_m, xx, xy, yy, thermal, colour, *images, is_end = sample.value
@@ -65,7 +65,7 @@ def ended_place(name: str) -> Value:
 
 
 def attributes_of(place: SalientPlace, frame: LocalFrame | None) -> dict[str, Any]:
-    """What an answer shows of a place; latitude and longitude where the platform knows the origin."""
+    """The attributes of a place in an answer; latitude and longitude where the platform knows the origin."""
     xx, xy, yy = place.covariance
     best = place.best
     found: dict[str, Any] = {

@@ -1,8 +1,8 @@
 """The saliency map as a part: persons that the cameras find, and those that other platforms have found (thesis 1.1.2, 7.1.1).
 
-What detectors of persons follow (`person-percepts`, of the platform's own cameras or of a host) becomes an entry after 5 s; entries are
-the stream `saliency-entries`, which every platform imports of all others. Each makes the map for itself, as the stream
-`saliency-map` and as an answer. What a platform that is gone has found stays on the map.
+A percept of detectors of persons (`person-percepts`, of the platform's own cameras or of a host) becomes an entry after
+5 s; entries are the stream `saliency-entries`, which every platform imports of all others. Each makes the map for
+itself, as the stream `saliency-map` and as an answer. Entries of a platform that is gone stay on the map.
 """
 
 from collections import Counter
@@ -48,7 +48,7 @@ class Saliency(Part):
     """Makes entries and the map. Times of both are federation time.
 
     Attributes:
-        search: what the platform's own cameras have seen; None: no detector of persons has scored anything yet.
+        search: the persons seen by the platform's own cameras; None: no detector of persons has scored anything yet.
         map: of all platforms.
     """
 
@@ -85,7 +85,7 @@ class Saliency(Part):
         ]
 
     def conditions(self) -> Iterable[ConditionEntry]:
-        """What is refused of other members."""
+        """The refusals of other members' entries."""
         text = "; ".join(refusals(self._refused))
         return (ConditionEntry(text=f"saliency: left out: {text}"[:200], since_us=self._refused_us),) if text else ()
 
@@ -125,7 +125,7 @@ class Saliency(Part):
     # -- what others have found --------------------------------------------------------------------------------
 
     def on_peer(self, change: PeerChange, now_us: int) -> None:
-        """A platform begins to look for persons; one that ends leaves what it has found."""
+        """A platform begins to look for persons; a platform that ends leaves its entries."""
         match change:
             case LabelAppeared(unit, label) if label.label == ENTRIES and unit != self._unit:
                 if not self._agreements.disagreement(unit, ENTRIES):
@@ -152,7 +152,7 @@ class Saliency(Part):
         return self._due_us
 
     def on_time(self, now_us: int) -> None:
-        """Send what is new of what was found, once a second, and tell what was refused."""
+        """Send new and changed entries, once a second, and report refusals."""
         if self._due_us is None or now_us < self._due_us:
             return
         self._begin(now_us)
@@ -242,5 +242,5 @@ class Saliency(Part):
 
 
 def refusals(refused: Counter[tuple[str, str]]) -> list[str]:
-    """What was refused, by member and reason, in words."""
+    """The refused entries, by member and reason, in words."""
     return [f"of platform {unit} {count} entries: {why}" for (unit, why), count in sorted(refused.items())]

@@ -1,10 +1,11 @@
 """Where a camera looks next: at the view from which most is to be learnt for the time it takes to turn there and see.
 
-Every object has a need of being seen, 0 to 1: of one that a percept shows little; of one that is not linked s^2 / (s^2 + S^2),
-where s is how far its hypotheses and their errors spread, or will soon, so that it is looked at before it is lost; of what is new, wanted,
-undecided or followed more. A view is worth the needs of all objects, each times the weight of the hypotheses in the image, and
-a little for ground that was not seen for long. Where the camera has looked and not found an object, its hypotheses weigh less
-for some seconds. The camera stays until it has settled, and turns only for a view that is clearly worth more.
+Every object has a need of being seen, 0 to 1: little for one that a percept shows; s^2 / (s^2 + S^2) for one that is
+not linked, where s is how far its hypotheses and their errors spread, or will soon, so that it is looked at before it
+is lost; more for new, wanted, undecided or followed objects. A view is worth the needs of all objects, each times the
+weight of the hypotheses in the image, and a little for ground that was not seen for long. Where the camera has looked
+and not found an object, its hypotheses weigh less for some seconds. The camera stays until it has settled, and turns
+only for a view that is clearly worth more.
 """
 
 from collections.abc import Sequence
@@ -26,13 +27,13 @@ _OF_ONE, _OF_GROUND = 4, 12
 _PLACES: Final = 16
 """The most probable hypotheses of an object; others do not count."""
 _FARTHEST: Final = 1e7
-"""Metres, and metres per second; what is beyond, or is no number, is no place."""
+"""Metres, and metres per second; a place or speed beyond it, or that is no number, is ignored."""
 _MARGIN: Final = 0.85
 """Share of the image, from its middle, in which something is counted on to be found."""
 
 
 class AttentionSettings(NamedTuple):
-    """What is worth how much.
+    """Weights and times by which views are compared.
 
     Attributes:
         sees_s: how long the camera looks at a place to find what is there.
@@ -40,7 +41,8 @@ class AttentionSettings(NamedTuple):
         better: it turns for a view that is worth this many times as much.
         spread_m: an object that is spread so far has half the need of one that is lost.
         shown: the need of an object that a percept shows.
-        ahead: how much what will be spread soon counts next to what is: of crossings those are looked at in time.
+        ahead: the weight of a spread in the near future next to the present one, so that crossings are looked at in
+            time.
         followed, wanted, undecided: how much more these need than others.
         ground: the worth of a place on the ground that was never seen; `searched` while something wanted may be anywhere.
         missed_s, forgives_s: time constants: of finding what is in view, and of forgetting that it was not found.
@@ -121,9 +123,9 @@ class Attention:
         """Where to look now; None: there is nothing to look at, nor ground to search.
 
         Args:
-            now_us: valid time of what is given.
+            now_us: valid time of the camera and the objects.
             camera: as it is now.
-            objects: all that are known; of more than `MOST_OBJECTS` those that were not seen for longest are looked at.
+            objects: all known ones; of more than `MOST_OBJECTS`, those that were not seen for longest are looked at.
                 Places that are no numbers are left out.
         """
         objects = sorted(objects, key=lambda each: (each.interest != "followed", each.seen_us, each.symbol))
@@ -144,10 +146,10 @@ class Attention:
         self.looks = Gaze(*places[best], *_said(views[best], now_us), float(worth[best]))
         return self.looks
 
-    # What was seen and what was not
+    # Objects in view, seen or overlooked
 
     def _remember(self, now_us: int, camera: TurnableCamera, objects: Sequence[WatchedObject]) -> None:
-        """Take note of what the camera sees now, and of what it should see and does not."""
+        """Note the ground and the objects in view, and the objects in view that no percept shows."""
         seconds = 0.0 if self._now_us is None else min(max(now_us - self._now_us, 0) / US_PER_S, 1.0)
         self._now_us = now_us
         looks_at = [camera.pose.mount]
@@ -200,7 +202,7 @@ class Attention:
     # Views
 
     def _views(self, now_us: int, camera: TurnableCamera, objects: Sequence[WatchedObject]) -> list[_View]:
-        """What can be looked at, the present view first."""
+        """The candidate views, the present one first."""
         views = [
             _View(place, one, number)
             for one in objects

@@ -19,7 +19,7 @@ OLD_US: Final = 30 * US_PER_S
 
 
 class SearchedGround:
-    """Places that are searched for what is not known yet.
+    """Ground that is searched for unknown objects.
 
     Args:
         places: metres east and north; beyond `MOST_PLACES` every second, third, ... is kept.
@@ -31,7 +31,7 @@ class SearchedGround:
         self._seen_us = np.full(len(self.x_m), -(2**62), dtype=np.int64)
 
     def on_view(self, now_us: int, in_view: FloatArray) -> None:
-        """(N,) of 0 or 1: what the image shows now."""
+        """(N,) of 0 or 1: the places in the image now."""
         self._seen_us[in_view > 0.0] = now_us
 
     def staleness(self, now_us: int) -> FloatArray:

@@ -1,4 +1,4 @@
-"""A camera on a mount that can be turned: what it would see from where it is, and how long it takes to turn there."""
+"""A camera on a mount that can be turned: its view from the present position, and the time it takes to turn there."""
 
 from collections.abc import Sequence
 from math import pi, radians

@@ -1,4 +1,4 @@
-"""What attention knows of objects: the places where each may be, and why it is of interest."""
+"""Objects as attention sees them: the places where each may be, and why it is of interest."""
 
 from collections.abc import Collection, Iterable, Iterator, Sequence
 from math import sqrt
@@ -89,7 +89,7 @@ def watched(
 
     Args:
         linkage: the structures.
-        specifications: those that it links by.
+        specifications: those of its links.
         followed: symbols.
         now_us: when places are wanted; None: as they were predicted or seen last.
     """

@@ -1,4 +1,4 @@
-"""What cameras see as observations: percepts of a tracker, and the field of view."""
+"""Observations of cameras: percepts of a tracker, and the field of view."""
 
 from collections.abc import Iterable
 from math import hypot
@@ -52,7 +52,8 @@ class CameraSensor:
 
 
 def camera_view(camera: Intrinsics, pose: CameraPose, ground: GroundModel, farthest_m: float = 250.0) -> Floats | None:
-    """Corners (4, 2), east and north, of what a camera sees of the ground as far as `farthest_m`; None: nothing.
+    """Corners (4, 2), east and north, of the ground in a camera's view, as far as `farthest_m`; None: no ground is in
+    view.
 
     A corner at the horizon, or beyond `farthest_m`, is replaced by the place at that distance in its direction.
     """

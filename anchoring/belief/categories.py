@@ -37,9 +37,9 @@ class CategoricalBeliefs:
         return np.asarray((self.shares[rows] * likelihoods[cols]).sum(axis=1))
 
     def update(self, rows: Indices, cols: Indices, weights: Floats, likelihoods: Floats) -> None:
-        """Take in what was observed, each with its probability given existence; `rows` ascend.
+        """Update with observations, each with its probability given existence; `rows` ascend.
 
-        What no value explains changes nothing.
+        An observation that no value explains changes nothing.
         """
         if not len(rows):
             return
@@ -54,7 +54,7 @@ class CategoricalBeliefs:
         self.shares[rows[starts]] = shares / shares.sum(axis=1, keepdims=True)
 
     def born(self, likelihood: Floats | None) -> Floats:
-        """(K,) of a new instance, given the likelihood of what was observed of it for each value, or None."""
+        """(K,) of a new instance, given the likelihood of its observation for each value, or None."""
         prior = self.attribute.prior
         if likelihood is None:
             return prior.copy()

@@ -1,4 +1,4 @@
-"""What a world model is described by: types, attributes, relations, sensors, thresholds. All of it is values."""
+"""The description of a world model: types, attributes, relations, sensors, thresholds. All of it is values."""
 
 from collections.abc import Mapping, Sequence
 from dataclasses import dataclass, field
@@ -120,7 +120,7 @@ class ObjectTypes:
     Attributes:
         belief: their prior and ageing, as of an attribute.
         observed: p(M | t): for each set of attributes that may be observed together the probabilities (T,); empty: 1.
-        least: of what the table does not have.
+        least: the probability of sets that the table does not have.
     """
 
     belief: CategoricalAttribute
@@ -140,7 +140,7 @@ class ObjectTypes:
 
 
 class Confusion(NamedTuple):
-    """What a sensor reports of a discrete attribute: `matrix` (K, O) is p(symbol | value)."""
+    """A sensor's reports of a discrete attribute: `matrix` (K, O) is p(symbol | value)."""
 
     symbols: tuple[str, ...]
     matrix: Floats
@@ -190,7 +190,7 @@ class WorldLimits(NamedTuple):
 
 
 class InitialInstance(NamedTuple):
-    """One that is believed in from the beginning.
+    """An instance that exists from the beginning.
 
     Attributes:
         gaussian: mean (d,) and covariance (d, d) of continuous attributes.

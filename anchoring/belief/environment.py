@@ -40,7 +40,7 @@ from anchoring.belief.sensing import detection, trusted
 from dyknow import US_PER_S
 
 _ACTIVE = 1e-12
-"""What was less probably observed of an instance does not change what is believed of its attributes."""
+"""Less probable observations do not change beliefs about attributes."""
 _NEGLIGIBLE_EXACT = 1e-12
 """Pairs so much less likely than both without it are left out where sums are exact otherwise."""
 _LEAST, _MOST = 1e-6, 1.0 - 1e-6
@@ -48,7 +48,7 @@ _NO_INDICES = np.zeros(0, dtype=np.intp)
 
 
 class EnvironmentModel:
-    """Everything that is believed.
+    """The environment model: all instances and beliefs.
 
     Args:
         valid_us: when the initial beliefs hold; None: at the first step.
@@ -59,7 +59,7 @@ class EnvironmentModel:
     Attributes:
         table: the instances.
         valid_us: of all beliefs.
-        counts: what was not taken as it came, by reason.
+        counts: counts of observations and instances that were left out or limited, by reason.
     """
 
     def __init__(
@@ -87,7 +87,7 @@ class EnvironmentModel:
         return float(self.table.deletions_us(self.valid_us or 0).min(initial=np.inf))
 
     def predict_to(self, valid_us: int) -> UpdateReport:
-        """Let time pass without an observation; what ended on the way is in the report, each at its time."""
+        """Let time pass without an observation; instances that ended on the way are in the report, each at its time."""
         return self._late(valid_us) or self._report(valid_us, [*self._predict(valid_us)])
 
     def observe(self, observation: WorldObservation) -> UpdateReport:
@@ -165,7 +165,7 @@ class EnvironmentModel:
         return self.table.view(row, self._relations.of(self.table.names[row], self.valid_us or 0))
 
     def restrict_types(self, possible: Flags) -> None:
-        """Only these types (T,) are possible from now on; one that becomes possible again has its prior share."""
+        """Make only these types (T,) possible; a type that becomes possible again gets its prior share."""
         types, beliefs = self.model.types, self.table.categorical[TYPE]
         before, prior = beliefs.attribute.prior, self._types.prior * possible
         if not prior.sum() > 0.0:
@@ -336,7 +336,7 @@ class EnvironmentModel:
                 which = np.flatnonzero(cols == col)
                 for each in (one for one in reported if one.other in places):
                     likelihood = self._relations.likelihood(each, places, look.valid_us)
-                    with np.errstate(divide="ignore"):  # what cannot be reported of it
+                    with np.errstate(divide="ignore"):  # an instance without this attribute cannot give the report
                         found[which] += np.log(likelihood[rows[which]])
         return found
 
@@ -389,7 +389,7 @@ class EnvironmentModel:
         return self._existing(events)
 
     def _bear(self, look: EncodedLook, new: Floats) -> tuple[Indices, list[LifeEvent]]:
-        """Tentative instances of what is probably new; their observations, and what has happened."""
+        """Make tentative instances of observations that are probably new; returns these, and the events."""
         cols = np.flatnonzero(new > self.model.thresholds.create)
         events: list[LifeEvent] = []
         room = self.model.limits.instances - len(self.table)

@@ -22,7 +22,7 @@ _SHARP = 1e-6
 
 
 class Innovations(NamedTuple):
-    """What E pairs of instance and observation differ by.
+    """The innovations of E pairs of instance and observation.
 
     Attributes:
         difference: (E, m) v = y - H m.
@@ -92,7 +92,7 @@ class GaussianBeliefs:
         return Innovations(difference, inverse, noise, distance, log_likelihood)
 
     def update(self, rows: Indices, weights: Floats, innovations: Innovations) -> None:
-        """Take in what was observed, each with its probability given existence; `rows` ascend."""
+        """Update with observations, each with its probability given existence; `rows` ascend."""
         if not len(rows):
             return
         axes = self.attribute.axes
@@ -134,7 +134,7 @@ class GaussianBeliefs:
         return mean, 0.5 * (covariance + covariance.T)
 
     def log_birth(self, values: Floats, noise: Floats) -> Floats:
-        """(M,) log density of observations of something new: 1 / V, or what the prior belief predicts."""
+        """(M,) log density of observations of something new: 1 / V, or as the prior belief predicts."""
         attribute = self.attribute
         if attribute.volume is not None:
             inside = ((values >= attribute.low) & (values <= attribute.high)).all(axis=1)

@@ -75,7 +75,7 @@ class InstanceTable:
         return np.asarray(valid_us + np.ceil(seconds * US_PER_S))
 
     def decide(self, valid_us: int) -> list[LifeEvent]:
-        """Confirm instances, create and drop attributes; what has happened."""
+        """Confirm instances, create and drop attributes; returns the events."""
         events = []
         fresh = ~self.confirmed & (self.existence > self._model.thresholds.confirm)
         if fresh.any():

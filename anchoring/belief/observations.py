@@ -1,4 +1,4 @@
-"""Observations, and what all of one look say as arrays."""
+"""Observations, and those of one look as arrays."""
 
 from collections.abc import Mapping, Sequence
 from math import inf, log

@@ -47,7 +47,7 @@ class RelationBeliefs:
         }
 
     def every(self, now_us: int) -> Mapping[tuple[str, str, str], float]:
-        """All that have been created: (name, instance, other) -> probability."""
+        """The probabilities of all created relations, by (name, instance, other)."""
         return {
             (name, instance, other): self._aged(name, belief, now_us)
             for (name, other), beliefs in self._to.items()
@@ -103,7 +103,7 @@ class RelationBeliefs:
             yield from self._watch(kind, instance, other, now_us)
 
     def predict(self, now_us: int) -> Iterator[LifeEvent]:
-        """What has become too old to be believed."""
+        """Drop the relations that are too old."""
         while self._due and self._due[0][0] <= now_us:
             at_us, name, instance, other = heapq.heappop(self._due)
             belief = self._to.get((name, other), {}).get(instance)

@@ -1,4 +1,4 @@
-"""What an update did: associations, events, and instances as they are believed in."""
+"""Reports of updates: associations, events, and instances with their beliefs."""
 
 from collections.abc import Mapping, Sequence
 from typing import NamedTuple
@@ -62,7 +62,7 @@ class BelievedInstance(NamedTuple):
 
 
 class UpdateReport(NamedTuple):
-    """What became of a look, or of time alone.
+    """The result of a look, or of time alone.
 
     Attributes:
         names: of the N instances before it.
@@ -87,7 +87,7 @@ class UpdateReport(NamedTuple):
 
     @property
     def associations(self) -> list[dict[str, float]]:
-        """Of each observation: which instance gave it, with what probability; what is below 1e-10 is left out."""
+        """For each observation the probability of each instance as its origin, above 1e-10."""
         found: list[dict[str, float]] = [{} for _ in self.births]
         for row, col, value in zip(self.rows.tolist(), self.cols.tolist(), self.pairs.tolist(), strict=True):
             if value >= _NEGLIGIBLE:

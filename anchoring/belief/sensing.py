@@ -1,6 +1,7 @@
 """Which instances a sensor can see: detection probabilities from fields of view, and from how far it is trusted.
 
-A sensor that is trusted by t finds something with probability t `detects`, and of t of what it reports as new something follows:
+A sensor that is trusted by t detects an instance with probability t `detects`, and a share t of its reports of
+something new counts:
 
     detects' = t detects,  births' = t births,  clutter' = clutter + (1 - t) births
 """
@@ -14,7 +15,7 @@ from anchoring.belief.arrays import Flags, Floats
 from anchoring.belief.description import WorldSensor
 
 _OUTSIDE: Final = 1e-9
-"""What remains of the probability to detect something that is out of view: no certainty follows from one estimate."""
+"""Least probability of detection, also out of view: no certainty follows from one estimate."""
 
 
 def detection(sensor: WorldSensor, mean: Floats, covariance: Floats) -> tuple[Floats, Floats]:

@@ -1,4 +1,4 @@
-"""Association probabilities as weights of links: which known object an object could be, by what a world model says of both.
+"""Association probabilities as weights of links: which known object an object could be, by a world model.
 
 A known object i that exists with probability r_i weighs r_i p_E L_i, as in an association: L_i is the likelihood of the position
 where the object is expected, over all hypotheses, times that of each attribute. A symbol that was reported of it before is
@@ -25,7 +25,7 @@ class AssociationWeights:
     """Scores and weights of a link by a world model.
 
     Args:
-        model: what there may be.
+        model: the world model.
         sensor: that reported the attributes.
     """
 
@@ -66,7 +66,7 @@ class AssociationWeights:
 
 
 def _existence(known: ObjectState) -> float:
-    """As it was believed last; 1 of what no belief is about."""
+    """Its existence as last believed; 1 without a belief about it."""
     existence = known.attributes.get(EXISTENCE)
     if isinstance(existence, int | float) and 0.0 <= existence <= 1.0:
         return float(existence)

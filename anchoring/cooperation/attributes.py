@@ -1,7 +1,9 @@
-"""Attributes of objects that are handed over between members: what changes in streams of this one, under the names of the picture.
+"""Attributes of objects that are handed over between members: changes in streams of this one, under the names of the
+picture.
 
-A chronicle speaks of attributes with discrete values, `lane[?car]` or `follows.too_close[?car1, ?car2]`. What this member has of them is
-under its own symbols; a change waits until the picture has names for its objects, and is of something else if there are none in time.
+A chronicle speaks of attributes with discrete values, `lane[?car]` or `follows.too_close[?car1, ?car2]`. The streams of
+this member have its own symbols; a change waits until the picture has names for its objects, and is dropped if there
+are none in time.
 """
 
 from collections.abc import Iterable, Mapping
@@ -39,7 +41,7 @@ class ObjectAttribute(NamedTuple):
 
 
 class AttributeChanges:
-    """What changes in streams of this member, once its objects have names.
+    """Changes in streams of this member, once its objects have names.
 
     Args:
         delay_us: how late samples come: a value is known until so long before.

@@ -4,11 +4,11 @@ At each look, states a and b of two tracks at one time are as far apart as
 
     d^2 = (a - b)^T (A + B + C)^-1 (a - b),   C = 2 s^2 I + v v^T (t_a^2 + t_b^2),
 
-where A and B are their covariances, s the error that a member makes of all places alike (its own position, its camera) and t
-the standard deviation of its clock, in which something with velocity v moves on. Errors of one track hang together from look
-to look, so that looks are averaged, not summed: two tracks are **joined** when the mean over enough looks is below `JOIN`, and
-no other pair is nearly as near; they are **split** when it is above `SPLIT`. In between what was, stays. What a member
-reports bears on its own pairs only: no third one comes between two.
+where A and B are their covariances, s the error that a member makes of all places alike (its own position, its camera)
+and t the standard deviation of its clock, in which something with velocity v moves on. Errors of one track hang
+together from look to look, so that looks are averaged, not summed: two tracks are **joined** when the mean over enough
+looks is below `JOIN`, and no other pair is nearly as near; they are **split** when it is above `SPLIT`. In between what
+was, stays. Reports of a member are evidence about its own pairs only: no third member comes between two.
 """
 
 from collections import deque
@@ -38,7 +38,7 @@ PATIENT_LOOKS: Final = 20
 SHARED_SD_M: Final = 1.5
 SHARED_SD_M_S: Final = 0.7
 WIDEST_SD_M: Final = 8.0
-"""What is known worse than this is no evidence."""
+"""A track with a larger error is no evidence."""
 GATE_M: Final = 60.0
 NEAREST: Final = 4
 """Tracks of another member that are compared with one."""
@@ -50,7 +50,7 @@ Pair: TypeAlias = tuple[TrackKey, TrackKey]
 
 @dataclass(slots=True)
 class PairEvidence:
-    """What was seen of two tracks together."""
+    """The looks at two tracks together."""
 
     distances: deque[float] = field(default_factory=lambda: deque(maxlen=MOST_LOOKS))
     looks: int = 0
@@ -70,14 +70,14 @@ class TrackEvidence:
     """Compares the tracks of each two members, look by look.
 
     Attributes:
-        pairs: those that were near each other.
+        pairs: the pairs that were near each other.
     """
 
     def __init__(self) -> None:
         self.pairs: dict[Pair, PairEvidence] = {}
 
     def look(self, tracks: Tracks, at_us: int, clock_sd_us: Mapping[str, int]) -> tuple[list[Pair], list[Pair]]:
-        """Compare all tracks at a time; those that are joined now, and those that are split."""
+        """Compare all tracks at a time; returns the pairs that are joined now, and those that are split."""
         states = {unit: _states(tracks.of(unit).values(), at_us) for unit in tracks.units()}
         joined: list[Pair] = []
         split: list[Pair] = []
@@ -104,7 +104,7 @@ class TrackEvidence:
         self.pairs = {pair: each for pair, each in self.pairs.items() if gone.isdisjoint(pair)}
 
     def joined(self) -> list[tuple[Pair, PairEvidence]]:
-        """All that are joined, those of long standing first."""
+        """All joined pairs, those of long standing first."""
         found = [(pair, each) for pair, each in self.pairs.items() if each.joined_us is not None]
         return sorted(found, key=lambda one: (one[1].joined_us, one[1].mean, one[0]))
 

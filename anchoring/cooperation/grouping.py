@@ -9,7 +9,7 @@ from anchoring.cooperation.reports import TrackKey
 def groups(keys: Iterable[TrackKey], evidence: TrackEvidence) -> list[frozenset[TrackKey]]:
     """All tracks in groups: at most one of each member in each, and no two that have been seen apart.
 
-    Pairs of long standing come first: what a newcomer reports cannot take apart what was together before.
+    Pairs of long standing come first, so that reports of a newcomer cannot take them apart.
     """
     group = {key: {key} for key in keys}
     partners: dict[TrackKey, dict[str, TrackKey]] = {}

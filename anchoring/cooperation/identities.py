@@ -1,10 +1,11 @@
-"""What objects are called: one name for one thing everywhere, whichever members see it.
+"""The names of objects: one name for one object everywhere, whichever members see it.
 
-A track **holds** a name by what its member claims. A member speaks for its own tracks only. Of several groups of tracks with
-one name, it belongs to that which is seen, by most members, then for longest without a gap; of several names of one group, the
-one held by most members stands, then the oldest. A member counts as far as it is trusted. So every picture of the same reports comes to the same names, and one
-member alone takes no name from two that hold it, nor from one that holds it longer. What a member claims to have begun while it
-was heard counts from when it was claimed; only at the first meeting of two its word is taken for what it brings along.
+A track **holds** a name by a claim of its member. A member speaks for its own tracks only. Of several groups of tracks
+with one name, it belongs to that which is seen, by most members, then for longest without a gap; of several names of
+one group, the one held by most members stands, then the oldest. A member counts as far as it is trusted. So every
+picture of the same reports comes to the same names, and one member alone takes no name from two that hold it, nor from
+one that holds it longer. A member's claim that a name began while the member was heard counts from the time of the
+claim; only at the first meeting of two members are earlier times accepted.
 """
 
 from collections.abc import Callable, Mapping, Sequence
@@ -71,7 +72,7 @@ def _named(
 
 
 class Claims:
-    """What the members call their tracks, as far as that can be.
+    """The names that members claim for their tracks, within limits.
 
     Attributes:
         held: by track.
@@ -85,7 +86,7 @@ class Claims:
         self._changed_us: dict[TrackKey, int] = {}
 
     def arrive(self, unit: str, now_us: int) -> None:
-        """The member is heard from now on; what it claims may be from the time when it was not."""
+        """The member is heard from now on; it may claim times at which it was not."""
         self._arrived_us[unit] = now_us
 
     def depart(self, unit: str, now_us: int) -> None:
@@ -93,7 +94,7 @@ class Claims:
         self._departed_us[unit] = now_us
 
     def _earliest_us(self, unit: str, now_us: int) -> int:
-        """What began before, the member would have claimed before; at a first meeting its word is taken."""
+        """The earliest time that a claim may state: a member that was heard would have claimed an older name before."""
         if now_us - self._arrived_us.get(unit, now_us) > TOLD_US:
             return now_us - TOLD_US
         return self._departed_us[unit] - TOLD_US if unit in self._departed_us else 0

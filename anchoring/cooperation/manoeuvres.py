@@ -1,8 +1,8 @@
 """Manoeuvres of pairs of objects that no member sees whole (thesis 8.7.5, 9.2): relations, from whichever member has them.
 
-Of each two objects that are near each other the relations of 8.7.5 are computed from their states under their common names, in
-the direction in which the first drives. What others report of the same pairs is taken with them, in the order of valid times,
-and so is each further attribute that a chronicle speaks of (`attributes.py`). Chronicles are recognised over all.
+Of each two objects that are near each other the relations of 8.7.5 are computed from their states under their common
+names, in the direction in which the first drives. Reports of other members about the same pairs are merged in the order
+of valid times, and so is each further attribute in a chronicle (`attributes.py`). Chronicles are recognised over all.
 """
 
 from collections.abc import Collection, Iterable, Mapping
@@ -20,7 +20,7 @@ from reasoning.chronicles import ChangeEvents, ChronicleFile, ChronicleInstance,
 
 NEAR_M: Final = 80.0
 MOVES_M_S: Final = 2.0
-"""The direction of what is slower is not known."""
+"""The direction of a slower object is unknown."""
 SEEN_US: Final = 250_000
 AGAIN_US: Final = US_PER_S
 """Relations that do not change are repeated so often."""
@@ -52,7 +52,7 @@ _HOLDS: Final[Mapping[EventKind, Mapping[str, bool]]] = {
 
 
 class PairRelation(NamedTuple):
-    """What the first object is to the second; `record` as `ROAD_RELATIONS`, None where an event does not say it."""
+    """The relation of the first object to the second; `record` as `ROAD_RELATIONS`, None where it is not stated."""
 
     valid_us: int
     pair: Pair
@@ -95,7 +95,7 @@ class PairRelations:
         return found
 
     def news(self, relations: Iterable[PairRelation]) -> list[PairRelation]:
-        """Those that changed, and each again after a while."""
+        """Relations that changed, and each one again after a while."""
         news = []
         for each in relations:
             known = self._shared.get(each.pair)
@@ -130,7 +130,7 @@ class PairEvents:
 
 
 def as_relation(event: PairEvent) -> PairRelation:
-    """What holds of a pair since an event of another member; the rest is as it was."""
+    """The relations of a pair after an event of another member; the others are unchanged."""
     holds = _HOLDS[event.kind]
     return PairRelation(event.valid_us, event.pair, tuple(holds.get(name) for name in _FIELDS))
 
@@ -232,7 +232,7 @@ class SpanningManoeuvres:
         heappush(self._waiting, (at_us, other, self._count, values))
 
     def on_time(self, now_us: int) -> list[ChronicleInstance]:
-        """What is recognised of all that is valid `LATE_US` before."""
+        """The instances recognised from all relations that were valid `LATE_US` ago."""
         found: list[ChronicleInstance] = []
         if len(self._own_us) > 2 * MOST_PAIRS:
             self._own_us = {pair: at_us for pair, at_us in self._own_us.items() if now_us - at_us <= 2 * LATE_US}

@@ -23,9 +23,9 @@ MATCH: Final = 13.28
 """99 % of chi-squared with four degrees of freedom."""
 MATCH_MARGIN: Final = 6.0
 _ALONE: Final = 21.0
-"""What it costs a track to be none of the objects."""
+"""The cost of a track that is none of the objects."""
 MATCH_SD_M: Final = 20.0
-"""What is expected worse than this is recognised by its members only."""
+"""An object with a larger expected error is recognised by its own members only."""
 MOST_OBJECTS: Final = 4096
 MOST_OF_ONE: Final = 512
 """Objects that are kept of those that one member alone has seen."""
@@ -75,7 +75,7 @@ class Remembered:
 
 
 def has_room(objects: dict[str, Remembered], units: frozenset[str]) -> bool:
-    """Whether there is room for an object that these members see; what one alone saw long ago makes room for what it sees now."""
+    """Whether there is room for an object of these members; one member's oldest unseen one makes room for its next."""
     own = [each for each in objects.values() if each.units == units] if len(units) == 1 else []
     if len(own) >= MOST_OF_ONE:
         oldest = min(own, key=lambda each: (each.is_seen, each.seen_us))
@@ -95,10 +95,10 @@ class Matches(NamedTuple):
 def matches(candidates: Mapping[TrackKey, ObjectState], objects: Iterable[Remembered], at_us: int) -> Matches:
     """Which tracks without a name are unseen objects, where these are expected.
 
-    A track has to be where an object may have got by any turn. Which track is which object is decided for all together by how
-    vehicles drive that do not turn, if any other choice would fit worse by `MATCH_MARGIN`. `candidates` are states of the tracks,
-    best the first ones: the sooner after it was lost, the better is known where an object is. What was not reported for `FRESH_US` may
-    be lost soon: a track that may be that is open.
+    A track has to be where an object may have got by any turn. Which track is which object is decided for all together
+    by how vehicles drive that do not turn, if any other choice would fit worse by `MATCH_MARGIN`. `candidates` are
+    states of the tracks, best the first ones: the sooner after it was lost, the better is known where an object is. An
+    object that was not reported for `FRESH_US` may be lost soon: a track that may be that object stays open.
     """
     missing = [each for each in objects if not each.is_seen or at_us - each.seen_us > FRESH_US]
     expected = [each for each in missing if each.at(at_us).deviation_m / sqrt(2.0) <= MATCH_SD_M]

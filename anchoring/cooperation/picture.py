@@ -55,7 +55,7 @@ class GlobalPicture:
         trusted: how far other members are trusted, in [0, 1], by unit; others wholly.
 
     Attributes:
-        gate: what was refused, by member and reason.
+        gate: counts of refused reports, by member and reason.
         recent: the latest events.
         clock_sd_us: by member, the standard deviation of its clock against ours.
     """
@@ -77,7 +77,7 @@ class GlobalPicture:
         self._news: list[PictureEvent] = []
         self._reported: dict[tuple[str, str], int] = {}
 
-    # What members report
+    # Reports of members
 
     def arrive(self, unit: str, now_us: int, *, restarted: bool = False) -> None:
         """A member is there from now on; after a restart its symbols mean other tracks."""
@@ -89,7 +89,7 @@ class GlobalPicture:
             self._note(now_us, "arrived", unit, "restarted" if restarted else "heard of")
 
     def depart(self, unit: str, now_us: int, why: str = "gone") -> None:
-        """A member is gone, or cut off: what it saw is kept."""
+        """A member is gone, or cut off; its objects are kept."""
         if unit in self._present and unit != self.unit:
             self._present.discard(unit)
             self._claims.depart(unit, now_us)
@@ -132,10 +132,10 @@ class GlobalPicture:
         if self._claims.take(key, claim, now_us, None if known is None else known.born_us, is_taken=is_taken):
             self._is_now(before, claim.identity)
 
-    # What there is
+    # Claims, names and events
 
     def claims(self) -> list[IdentityClaim]:
-        """What this member calls its own tracks."""
+        """The names that this member claims for its own tracks."""
         held = self._claims.held
         return [
             IdentityClaim(key.unit, key.symbol, each.name, each.born_us, each.since_us)
@@ -152,12 +152,12 @@ class GlobalPicture:
         return name in self._objects and any(key.unit == unit for key in self._objects[name].tracks)
 
     def name_of(self, unit: str, symbol: str) -> str | None:
-        """What the object is called that a member has under a symbol of its own."""
+        """The name of the object that a member tracks under a symbol."""
         key = self._tracks.key(unit, symbol)
         return next((each.name for each in self._named if key in each.tracks), None)
 
     def events(self, symbol: str | None = None) -> list[PictureEvent]:
-        """What this member reports of all that happened, of one object or of all; `symbol`: its name, or of a track of ours."""
+        """The events that this member reports, of one object or of all; `symbol`: its name, or of a track of ours."""
         name = symbol if symbol is None or symbol in self._objects else self.name_of(self.unit, symbol)
         mine = (each for each in self.recent if each.by in {"", self.unit})
         tracks = self._objects[name].tracks if name in self._objects else ()
@@ -185,7 +185,7 @@ class GlobalPicture:
     # Looks
 
     def on_time(self, now_us: int) -> list[PictureEvent]:
-        """Look at all tracks on the grid; what happened."""
+        """Look at all tracks on the grid; returns the events."""
         due_us = now_us // PERIOD_US * PERIOD_US
         if self._next_us is not None and now_us < self._next_us:
             return []
@@ -232,7 +232,7 @@ class GlobalPicture:
                 held.since_us = max(held.since_us, track.steady_us)
 
     def _decide(self, made: list[Named], at_us: int) -> list[Named]:
-        """Names for tracks of ours: that of the group, of what is expected there, or a new one."""
+        """Name our tracks: as their group, as the object expected there, or with a new name."""
         unnamed: dict[TrackKey, ObjectState] = {}
         due: dict[TrackKey, int] = {}
         for at, each in enumerate(made):
@@ -312,7 +312,7 @@ class GlobalPicture:
             if name not in self._objects:
                 return name
 
-    # What is kept
+    # Kept objects
 
     def _remember(self, made: Iterable[Named], at_us: int, now_us: int) -> None:
         seen = set[str]()
@@ -356,7 +356,7 @@ class GlobalPicture:
         known.others = tuple(dict.fromkeys((*known.others, *group.others)))[-8:]
 
     def _keep(self, one: Remembered, at_us: int, now_us: int) -> None:
-        """What no member sees."""
+        """Keep an object that no member sees, or forget it."""
         if one.is_seen:
             one.is_seen = False
             away = sorted(one.units - self._present)

@@ -1,8 +1,8 @@
-"""What platforms report of the objects that they track, and the gate that keeps out what cannot be.
+"""Reports of platforms about their tracks, and the gate that refuses impossible ones.
 
-A report is a Gaussian over (x, y, vx, vy) at a valid time. It comes from another member, which may be wrong or mean harm:
-what is no number, no covariance, from another time, too fast or too much is refused, by member and reason, and changes
-nothing.
+A report is a Gaussian over (x, y, vx, vy) at a valid time. It comes from another member, which may be wrong or
+malicious: a report is refused, by member and reason, if it is no number or no covariance, of another time, too fast, or
+one too many.
 """
 
 from collections import Counter
@@ -29,7 +29,7 @@ LONGEST_NAME: Final = 64
 
 
 class TrackKey(NamedTuple):
-    """A track: the member that follows it, and what the member calls it. `life` counts the restarts of the member."""
+    """A track: the member that follows it, and the member's symbol for it. `life` counts the restarts of the member."""
 
     unit: str
     symbol: str
@@ -55,7 +55,7 @@ class TrackReport(NamedTuple):
 
 
 class IdentityClaim(NamedTuple):
-    """What a member calls one of its tracks.
+    """A member's name for one of its tracks.
 
     Attributes:
         identity: the name that the object has everywhere.

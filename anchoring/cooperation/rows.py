@@ -1,4 +1,4 @@
-"""What a picture shows: a row for each object, and what happens to objects and members."""
+"""The rows of a picture, one for each object, and the events of objects and members."""
 
 from typing import Literal, NamedTuple, TypeAlias
 
@@ -22,7 +22,7 @@ PictureEventKind: TypeAlias = Literal[
 
 
 class PictureEvent(NamedTuple):
-    """What happened, and why.
+    """An event, with its reason.
 
     Attributes:
         name: the object, or the member.
@@ -44,7 +44,7 @@ class PictureRow(NamedTuple):
         state: at the time of the row, predicted since it was seen.
         seen_us: when it was seen last.
         by: the members that see it now, sorted; none: it is kept and predicted.
-        tracks: what members call it, theirs and dormant ones.
+        tracks: the members' symbols for it, of live and dormant tracks.
         others: further names that it had, or that are claimed.
     """
 

@@ -1,11 +1,11 @@
-"""What two members share of what they see: by bandwidth, by load, by what the partner can, and whether anything needs it.
+"""The level of sharing between two members: by bandwidth, by load, by the partner's abilities, and by need.
 
-| level | what is shared | computed by |
+| level | shared | computed by |
 |---|---|---|
-| `percepts` | what detectors follow | the receiver links it |
+| `percepts` | percepts of detectors | the receiver links it |
 | `states` | objects with covariances | the receiver recognises |
 | `relations` | relations of pairs, when they change | the sender relates, the receiver recognises |
-| `events` | that something has come in front, or has fallen behind | the sender recognises |
+| `events` | that an object has come in front, or has fallen behind | the sender recognises |
 | `none` | nothing | |
 
 At each but the last, names are agreed on by tracks, which then come seldom.
@@ -34,13 +34,13 @@ AHEAD_US: Final = 10 * US_PER_S
 
 
 class Partner(NamedTuple):
-    """What is known of a member before anything is shared.
+    """A member as it is known before anything is shared.
 
     Attributes:
-        levels: what it offers.
+        levels: the levels that it offers.
         kbit_s: of the link to it, declared; None: unlimited.
         is_busy: whether it has too much to do.
-        x_m, y_m, reach_m: what it sees; None: not known.
+        x_m, y_m, reach_m: its area; None: not known.
     """
 
     unit: str
@@ -53,7 +53,7 @@ class Partner(NamedTuple):
 
 
 def kbit_s(level: SharingLevel, objects: int) -> float:
-    """About what a level needs for a number of objects."""
+    """The bandwidth of a level for a number of objects, about."""
     tracks_s = US_PER_S / TRACKS_US[level] if TRACKS_US[level] else 0.0
     return objects * (tracks_s * _TRACK_BYTES + _BYTES_S[level]) * 8.0 / 1000.0
 
@@ -61,7 +61,7 @@ def kbit_s(level: SharingLevel, objects: int) -> float:
 def chosen_level(partner: Partner, objects: int, *, is_busy: bool = False) -> SharingLevel:
     """The level that says most of those that the partner offers, the link carries, and both have time for.
 
-    One that is busy neither links the percepts nor relates the states of another; a partner that is busy relates and recognises
+    A busy member neither links the percepts nor relates the states of another; a busy partner relates and recognises
     for no other.
     """
     left_out: set[SharingLevel] = {

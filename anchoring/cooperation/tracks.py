@@ -1,4 +1,4 @@
-"""The tracks of all members, with what was reported of each in the last seconds."""
+"""The tracks of all members, with their reports of the last seconds."""
 
 from collections import Counter, deque
 from collections.abc import Iterator
@@ -25,7 +25,7 @@ COURSE_S: Final = 0.8
 COURSE_NOISE: Final = 0.5
 """Of the acceleration of what drives on, m^2/s^3."""
 GAP_US: Final = US_PER_S
-"""What was not seen for so long may be another thing since it was seen again."""
+"""After a longer gap a track may be of another object."""
 BREAK_US: Final = 1_500_000
 BREAK: Final = 32.0
 """Above every d^2 that cars came to, turning within `BREAK_US`; two that meet and are mistaken for each other come to 50."""
@@ -97,7 +97,7 @@ class Track:
         return first._replace(vx_m_s=velocity[0], vy_m_s=velocity[1], covariance=covariance)
 
     def at(self, at_us: int) -> ObjectState | None:
-        """The state at a time, from what was seen just before; None: nothing was."""
+        """The state at a time, predicted from the one just before; None: there is none."""
         for state in reversed(self.seen):
             if state.valid_us <= at_us:
                 return moved(state, at_us, NOISE) if at_us - state.valid_us <= FRESH_US else None
@@ -167,7 +167,7 @@ class Tracks:
         return track
 
     def forget(self, now_us: int) -> list[TrackKey]:
-        """Remove what was not seen for long; what was never seen ends sooner."""
+        """Remove tracks that were not seen for long; tracks that were never seen end sooner."""
         gone: list[TrackKey] = []
         for tracks in self._of.values():
             for key, track in tuple(tracks.items()):

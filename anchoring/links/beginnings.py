@@ -1,7 +1,7 @@
-"""What objects were before they were established: the states that their percepts had shown until then.
+"""The states of objects before they were established: those of their percepts until then.
 
-A percept makes no object before the condition holds, so that clutter makes none. What was an object from when it was seen first
-is known afterwards.
+A percept makes no object before the condition holds, so that clutter makes none. An object has states from its first
+sighting, as soon as it is established.
 """
 
 from collections import deque
@@ -27,7 +27,7 @@ _Key = tuple[str, str]
 
 
 class ObjectBeginnings:
-    """The states of what is not linked, by type and symbol, until an object is made of it."""
+    """The states of unlinked percepts and objects, by type and symbol, until an object is made."""
 
     def __init__(self, linkage: ObjectLinkage, specifications: Iterable[AnySpecification]) -> None:
         self._linkage = linkage
@@ -38,7 +38,7 @@ class ObjectBeginnings:
         self._known: dict[_Key, deque[ObjectState]] = {}
 
     def completed(self, percepts: Iterable[Percept], outcome: LinkOutcome) -> LinkOutcome:
-        """What a tick of these percepts brought, with the earlier states of the objects that it established."""
+        """The outcome of a tick of these percepts, with the earlier states of the objects that it established."""
         for each in percepts:
             if each.state is not None:
                 self._note((each.type, each.symbol), each.state)
@@ -90,7 +90,7 @@ class ObjectBeginnings:
                     )
 
     def _began_us(self, source: _Key) -> float:
-        """Since when a percept has had its name; what came before was another. Of objects: since their first state."""
+        """Since when a percept has had its name, before which another had it. Of objects: since their first state."""
         type_, symbol = source
         percept = self._linkage.objects(type_).get(symbol) if type_ in self._linkage.percept_types else None
         return -inf if percept is None else percept.created_us

@@ -37,7 +37,7 @@ class CompositeSpecification:
     """Objects of one type that are parts of objects of another.
 
     Attributes:
-        source, target: the types of the parts, and of what they make.
+        source, target: the types of the parts, and of the composites.
         together: over `from` and `to`, two parts, the one whose symbol is first being `from`; true: they belong together.
             It implies a distance between them.
         stays: over the same; false: they no longer do.
@@ -68,7 +68,7 @@ def check_ends(specifications: Iterable[LinkSpecification | CompositeSpecificati
 
 
 class CompositeSurroundings(Protocol):
-    """What composites need of the structures they belong to."""
+    """The interface from composites to the structures they belong to."""
 
     context: ConditionContext
 
@@ -120,7 +120,7 @@ class CompositeObjects:
         self._regroup(valid_us, parts, composites, failed)
 
     def _drop_gone(self, valid_us: int, parts: Mapping[str, LinkObject], composites: Mapping[str, LinkObject]) -> None:
-        """Nothing is known of parts that are gone; one that has come under the symbol of such a part is another."""
+        """Forget the parts that are gone; a new object under the symbol of such a part is another one."""
         gone = {symbol for symbol, one in self._parts.items() if parts.get(symbol) is not one}
         self._parts = dict(parts)
         if not gone:
@@ -145,7 +145,7 @@ class CompositeObjects:
         return failed
 
     def _join(self, valid_us: int, fresh: Mapping[str, LinkObject]) -> None:
-        """Take the states of two that may belong together; what has failed begins again at the next."""
+        """Evaluate pairs that may belong together; a pair that failed begins again at the next state."""
         near = NearObjects({each.symbol: each.whereabouts for each in fresh.values()}, self._bound_m, keeps_all=False)
         pairs = {pair for pair in self._evaluations if fresh.keys() >= set(pair)}
         for symbol, one in fresh.items():

@@ -1,4 +1,4 @@
-"""What is learnt about the motion of one object while it is seen: speed, acceleration and turn habits.
+"""The motion of one object, learnt while it is seen: speed, acceleration and turn habits.
 
 Speed s and turn rate r of an individual are each taken for a mean-reverting process: after t seconds the expectation is
 mean + (now - mean) rho^t, where rho, the correlation over one second, comes from the variance V and the mean square D of
@@ -49,7 +49,7 @@ class Habit:
         self._last = value
 
     def pause(self) -> None:
-        """What comes next does not follow what came last."""
+        """The next value does not continue the last one."""
         self._last = None
 
     @property
@@ -82,7 +82,7 @@ class Individual:
     """The motion model of one object.
 
     Args:
-        of_all: the speed of all objects of its type; what is usual of it until its own is known.
+        of_all: the speed of all objects of its type; its usual speed until its own is known.
 
     Attributes:
         speed: metres per second.
@@ -128,7 +128,7 @@ class Individual:
             self.turn_rate.observe(((turned + pi) % (2.0 * pi) - pi) / seconds, seconds)
 
     def pause(self) -> None:
-        """It is no longer seen: what is seen next does not follow what was seen last."""
+        """It is no longer seen: the next state does not continue the last one."""
         self._last = None
         self.speed.pause()
         self.turn_rate.pause()

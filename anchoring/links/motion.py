@@ -1,4 +1,4 @@
-"""What is usual of things that move: how they change their motion, by their kind or by how fast they go, and how far apart they are.
+"""Usual motion: how objects change their velocity, by their kind or by their speed, and how far apart they are.
 
 `thresh` follows from that. Let S be the sum of the covariances of a position that is seen and of one that is expected, d what is
 between both, and r the density, per square metre, of other things that could have come into view there. The position is more
@@ -43,11 +43,11 @@ KINDS: Final[Mapping[str, MotionKind]] = {
     **dict.fromkeys(("bike", "bicycle", "biker", "cyclist", "skater"), BIKE),
     **dict.fromkeys(("car", "van", "truck", "bus", "vehicle"), CAR),
 }
-"""By what the attribute `kind` or `class` of a percept says."""
+"""Kinds by the values of the attributes `kind` and `class` of a percept."""
 _NAMING: Final = ("kind", "class")
 _WALKS_M_S, _RIDES_M_S = 2.5, 7.0
 _NOISE_BY_SPEED: Final = 0.02
-"""Acceleration noise grows with the square of the speed, 1/s: what turns at 10 m/s changes its velocity more than at 1."""
+"""Acceleration noise grows with the square of the speed, 1/s: a turn at 10 m/s changes the velocity more."""
 _UNSEEN_SLOW, _UNSEEN_FAST, _FAST_NOISE = 0.7, 1.5, 0.5
 """Over seconds errors of steps are smaller than they accumulate, but what drives fast brakes and turns: of the noise of one step."""
 LONELY_M: Final = 100.0
@@ -55,14 +55,14 @@ LONELY_M: Final = 100.0
 STRANGERS: Final = 0.35
 """The share of things that could be what comes into view without being known."""
 _OFF: Final = 1.0 / 16.0
-"""Of the variance of a position in all directions what it has in each: what is expected on the centre of a lane drives off it."""
+"""Share of the position's variance added in each direction: vehicles expected on a lane's centre drive off it."""
 _SMOOTHED_S: Final = 1.0
 _LOOKED_US: Final = 200_000
 _MOST_COMPARED: Final = 64
 
 
 def kind_of(state: ObjectState) -> MotionKind | None:
-    """What a state is of by its attributes; None: they do not name it."""
+    """The kind that a state's attributes name; None: they name none."""
     if not state.attributes:
         return None
     named = (state.attributes.get(each) for each in _NAMING)
@@ -70,7 +70,7 @@ def kind_of(state: ObjectState) -> MotionKind | None:
 
 
 def noise_of(state: ObjectState, usual: Individual | None = None) -> float:
-    """The density of the acceleration noise, m^2/s^3; what stands now, and drove before, may do so again."""
+    """The density of the acceleration noise, m^2/s^3; an object that stands now, and drove before, may drive again."""
     least, most = (kind_of(state) or _ANYTHING)[1:]
     square = state.vx_m_s * state.vx_m_s + state.vy_m_s * state.vy_m_s
     if usual is not None:
@@ -82,7 +82,7 @@ _ANYTHING: Final = MotionKind(0.5, WALKER.least_noise, CAR.most_noise)
 
 
 def size_of(state: ObjectState) -> float:
-    """Metres, of what its attributes name, else of the largest that is usually so slow."""
+    """The size in metres: of the kind in its attributes, else of the largest kind that is usually so slow."""
     if (kind := kind_of(state)) is not None:
         return kind.size_m
     speed_m_s = state.speed_m_s
@@ -154,7 +154,7 @@ class Spacing:
         return min(most_m, sqrt(2.0 * evidence * determinant * (dx * dx + dy * dy) / apart))
 
     def most_m(self, seen: Iterable[ObjectState], expected: Iterable[ObjectState], most_m: float) -> float:
-        """What `reach_m` is at most for any two of them."""
+        """An upper bound of `reach_m` for any two of them."""
         largest = max((each.covariance[0, 0] + each.covariance[1, 1] for each in seen), default=0.0)
         found = 0.0
         for each in expected:

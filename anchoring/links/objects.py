@@ -1,4 +1,4 @@
-"""Objects and the links between them, and what happens to them."""
+"""Objects, the links between them, and their events."""
 
 from collections import deque
 from collections.abc import Container
@@ -55,7 +55,7 @@ class LinkReason(NamedTuple):
 
 
 class LinkEvent(NamedTuple):
-    """What happened to a link, or to an object: then `source` is empty.
+    """An event of a link, or of an object: then `source` is empty.
 
     Attributes:
         weight: how probable the target was, among the known objects that the source could have been.
@@ -93,8 +93,8 @@ class LinkObject:
         incoming, outgoing: live links, by the name of their process.
         anchored_us: when it was anchored last.
         seen_us: how long it was anchored, all together.
-        individual: what is learnt of its motion; None for percepts.
-        classes: by what it was classified last, by the name that exclusive specifications share.
+        individual: its learnt motion; None for percepts.
+        classes: its last classification, by the name that exclusive specifications share.
     """
 
     symbol: str
@@ -134,7 +134,7 @@ class LinkObject:
         return LastSeen(tuple(self.observed), self.state, self.prediction, self.anchored_us, self.seen_us, above)
 
     def go_back(self, to: LastSeen) -> None:
-        """What was seen since then was another; that holds for what is above it, too, unless another link shows it."""
+        """Go back to the state before a wrong link; objects above it go back, too, unless another link shows them."""
         self.observed.clear()
         self.observed.extend(to.observed)
         self.state, self.prediction = to.state, to.prediction

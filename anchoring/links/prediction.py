@@ -1,13 +1,14 @@
 """Where objects that no percept shows are: the interface of predictors, and constant velocity.
 
-A `Predictor` is a function of the states an object had while it was seen, of the time to predict to, and of what it predicted
-for the time before. It returns a `ObjectPrediction`: one or several hypotheses with weights, under one symbol. A predictor along
-roads puts one hypothesis per route there, the heaviest first, and the route into the attributes of its state.
+A `Predictor` is a function of the states of an object while it was seen, of the time to predict to, and of its
+prediction for the time before. It returns a `ObjectPrediction`: one or several hypotheses with weights, under one
+symbol. A predictor along roads puts one hypothesis per route there, the heaviest first, and the route into the
+attributes of its state.
 
     class AlongRoads:
         def predict(self, history, to_us, before=None, individual=None) -> ObjectPrediction: ...
 
-Implementations are pure: what they need to remember from tick to tick is in `before`.
+Implementations are pure: `before` holds their memory from tick to tick.
 """
 
 from collections.abc import Sequence
@@ -66,8 +67,8 @@ class Predictor(Protocol):
         Args:
             history: the latest states while it was seen, oldest first, at least one; no covariance of them grows.
             to_us: not before the last of them, and not before the time of `before`.
-            before: what was predicted last from this same history; None at the first time.
-            individual: what was learnt about this object while it was seen; None: predict as for any of its type.
+            before: the last prediction from this same history; None at the first time.
+            individual: the learnt motion of this object; None: predict as for any of its type.
         """
 
 
@@ -117,7 +118,7 @@ def _slope(history: Sequence[ObjectState]) -> tuple[float, float]:
 
 
 class HabitualMotion:
-    """The individual's model: speed and turn rate go back to what is usual for this object; else the general one.
+    """The individual's model: speed and turn rate return to the usual ones of this object; else the general one.
 
     Args:
         general: for objects whose habits are not known yet; its covariance is used for all.

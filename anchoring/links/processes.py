@@ -1,8 +1,8 @@
 """ObjectLink processes: the state machine of each object of type A (thesis Figure 8.4).
 
-An object of A is unlinked, with evaluations of establish and of reestablish for each available object of B, or linked, with
-one of maintain. All that happens at one valid time is decided together: first maintain, then reestablish for all pairs by
-one assignment, then establish. An evaluation starts at the first state in which both objects have a value; after a
+An object of A is unlinked, with evaluations of establish and of reestablish for each available object of B, or linked,
+with one of maintain. All changes at one valid time are decided together: first maintain, then reestablish for all pairs
+by one assignment, then establish. An evaluation starts at the first state in which both objects have a value; after a
 maintain condition failed, at the next one. Pairs that a gate keeps apart cost nothing until they come near.
 """
 
@@ -60,7 +60,7 @@ class LinkProcess:
         self.trials = LinkTrials(specification, self._establish)
         self.evaluations = 0
 
-    # What the structures report
+    # Reports of the structures
 
     def on_source(self, one: LinkObject, from_us: int) -> None:
         """An object of A is new, or unlinked again; its evaluations start at the first state from then on."""
@@ -75,7 +75,7 @@ class LinkProcess:
         self.unlinked.pop(symbol, None)
 
     def drop_target(self, symbol: str) -> None:
-        """An object of B is gone, and nothing is a candidate for it: one that comes later under its symbol is another."""
+        """An object of B is gone, and a candidate for nothing: a new one under its symbol is another."""
         self.available.pop(symbol, None)
         if self.candidates:
             self._drop_taken()
@@ -94,7 +94,7 @@ class LinkProcess:
         link = one.outgoing.get(self.name)
         return one.symbol in self.unlinked if link is None else link.target.symbol not in named
 
-    # What happens at a tick
+    # Decisions at a tick
 
     def update(self, valid_us: int, sources: Collection[LinkObject]) -> None:
         """Take the states of all objects of A that have one at `valid_us` and are linked."""
@@ -176,7 +176,7 @@ class LinkProcess:
         return moving
 
     def _drop_taken(self) -> None:
-        """An object that is gone, or that another percept certainly shows, is no candidate; one that is left is certain."""
+        """Drop candidates that are gone, or that another percept certainly shows; a single remaining one is certain."""
         is_new = True
         while is_new:
             held, is_new = {each.chosen for each in self.candidates.values()}, False
@@ -205,7 +205,7 @@ class LinkProcess:
                 to.target.state = to.target.observed[-1] = to.state
 
     def _expect(self, valid_us: int, source: LinkObject, target: LinkObject) -> None:
-        """What is above a predicted object is predicted with it."""
+        """Predict the objects above a predicted object with it."""
         if target.state.valid_us != valid_us and source.prediction is not None:
             attributes = target.state.attributes
             target.expect(source.prediction.described(attributes))
@@ -292,7 +292,7 @@ class LinkProcess:
         before: Mapping[str, tuple[LinkObject, LastSeen]],
         weights: Mapping[str, float],
     ) -> LinkCandidates | None:
-        """What a percept may be as well, besides the object that it was assigned; None: it is taken for that."""
+        """The objects that a percept may be besides the assigned one; None: the assigned one is certain."""
         others = sorted(known.keys() - {target}, key=lambda symbol: (-weights.get(symbol, 0.0), natural(symbol)))
         made: dict[str, LinkCandidate] = {}
         for symbol in (target, *others[: self.specification.candidates - 1]):
@@ -303,7 +303,7 @@ class LinkProcess:
         return None if found.is_decided else found
 
     def _first(self, source: LinkObject) -> ObjectState:
-        """The state of a new object: of what its source has shown until now."""
+        """The state of a new object: from all states of its source so far."""
         unit, later = self.specification.unit, self.specification.later
         states = [*source.observed]
         if source.prediction is not None:

@@ -19,8 +19,8 @@ _PERIODS_SILENT: Final = 2.5
 class Rhythm:
     """The sample periods of one type of percepts.
 
-    Percepts of one type may have different periods: one that comes again soon after it was silent for too long shows that its
-    own is longer than that of the others.
+    Percepts of one type may have different periods: a percept that comes again soon after it had ended by silence has a
+    longer period than the others.
 
     Args:
         period_us: if it is known; None: the median of the latest gaps.

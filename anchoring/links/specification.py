@@ -52,8 +52,8 @@ USUAL: Final = Threshold()
 class Lasting(NamedTuple):
     """How long an object that no percept shows is kept, and predicted, by how long it was seen before, all together.
 
-    It is kept `kept` times as long, and has states for `predicted` times as long: what it was for a second is little reason to
-    expect it for a minute.
+    It is kept `kept` times as long, and has states for `predicted` times as long: an object that was seen for a second
+    is hardly expected for a minute.
 
     Attributes:
         least_kept_us, least_predicted_us: at least that long; not predicted for longer than it was seen.
@@ -116,7 +116,7 @@ class LinkSpecification:
         lasting: how long they are kept before that, and predicted; None: for `forget_us`, all of them.
         is_adaptive: `noise` is that of the kind of thing, or of its speed, and `thresh` is not more than that of `threshold` but
             follows from how certain both positions are, and how far apart things are; see `motion`.
-        threshold: what `thresh` is in the conditions.
+        threshold: the value of `thresh` in the conditions.
         exclusive: specifications with the same name here exclude each other for one object of A.
         correlated: errors of this process may be correlated with those of others into B; else they are independent.
         is_recursive: the unit weighs what it is given with the state before; else that is done with the states that other

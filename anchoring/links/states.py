@@ -1,8 +1,8 @@
 """States of objects on the plane, and the arithmetic of their estimates.
 
-A state is a Gaussian over (x, y, vx, vy) in metres and metres per second: x east, y north, in one frame for all objects.
-What a sensor does not measure has a large variance. An estimate moves with constant velocity under white acceleration
-noise of density q (m^2/s^3) on each axis; over dt seconds
+A state is a Gaussian over (x, y, vx, vy) in metres and metres per second: x east, y north, in one frame for all
+objects. A quantity that a sensor does not measure has a large variance. An estimate moves with constant velocity under
+white acceleration noise of density q (m^2/s^3) on each axis; over dt seconds
 
     F = [[1, dt], [0, 1]],  Q = q [[dt^3 / 3, dt^2 / 2], [dt^2 / 2, dt]]
 
@@ -28,7 +28,7 @@ UNMEASURED: Final = 1e6
 
 
 class ObjectState(NamedTuple):
-    """What is known of an object at one time.
+    """The state of an object at one time.
 
     Attributes:
         valid_us: valid time.

@@ -67,7 +67,7 @@ class StateRecord(NamedTuple):
 
 
 class LinkOutcome(NamedTuple):
-    """What a tick, or several, brought, in the order of time."""
+    """The results of one tick or several, in the order of time."""
 
     states: list[StateRecord]
     events: list[LinkEvent]
@@ -80,10 +80,10 @@ class ObjectLinkage:
         specifications: any order; their types make a graph without cycles.
         period_us: the sample period; None: learnt for each type of percepts.
         silence_us: percepts without a sample for so long have ended; None: by their period.
-        streams: those that conditions may speak of.
+        streams: the streams that conditions may read.
 
     Attributes:
-        into: the link processes that lead into each type; `composites`: what makes those of parts.
+        into: the link processes that lead into each type; `composites`: the makers of composites, by type.
 
     Raises:
         ValueError: the types of the specifications are in a circle, or two specifications link the same types; parts of

@@ -35,7 +35,7 @@ class WantedAmong(Protocol):
 
 
 class _Want(NamedTuple):
-    """What is wanted, by which symbol."""
+    """A wanted object: its type and description."""
 
     type: str
     description: Formula
@@ -62,7 +62,7 @@ class TopDown:
     Args:
         objects: by type and symbol.
         into, out_of: the processes that lead to a type, and from it.
-        composites: what makes those of a type.
+        composites: the makers of composites, by type.
     """
 
     def __init__(
@@ -137,10 +137,10 @@ class TopDown:
         for some in self._sought.values():
             some[:] = [each for each in some if each.symbol != symbol]
 
-    # What happens at a tick
+    # Wants at a tick
 
     def release(self, valid_us: int) -> None:
-        """What is wanted no more is given another symbol."""
+        """Give objects that are no longer wanted another symbol."""
         for symbol, one in self._released.items():
             if self._objects[one.type].get(symbol) is one:
                 self._rename(valid_us, one, self._among.new_symbol(one.type), LinkReason("released"))
@@ -202,7 +202,7 @@ class TopDown:
         self._tell(valid_us, "find", one, reason, source)
 
     def _rename(self, valid_us: int, one: LinkObject, symbol: str, reason: LinkReason) -> None:
-        """What was known under another symbol is known by this one."""
+        """Rename an object in all tables."""
         self._among.tell(LinkEvent(valid_us, "forgotten", "", "", one.symbol, one.type, reason), one)
         before, tables = one.symbol, [self._objects[one.type], *self._tables_of(one.type)]
         for table in tables:
@@ -222,7 +222,7 @@ class TopDown:
             self._tell(valid_us, "reestablished", one, reason, link.source)
 
     def _tables_of(self, type_: str) -> Iterator[dict[str, Any]]:
-        """What processes keep of objects of a type by their symbols."""
+        """The tables of processes that are keyed by symbols of objects of a type."""
         for process in self._out_of.get(type_, ()):
             yield process.unlinked
             yield process.candidates

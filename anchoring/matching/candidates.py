@@ -12,7 +12,7 @@ MatchStatus: TypeAlias = Literal["complete", "partial", "none"]
 
 @dataclass(frozen=True, slots=True)
 class ObservedProperty:
-    """What was observed of one property.
+    """An observation of one property.
 
     Attributes:
         confidence: of the observation, 0 to 1.
@@ -43,7 +43,7 @@ PerceptProperties: TypeAlias = Mapping[str, ObservedProperty | None]
 
 
 class PropertyFinding(NamedTuple):
-    """What one property of a percept is, compared with its description.
+    """One property of a percept, compared with its description.
 
     Attributes:
         degree: to which it is as described; 1 where it is unobserved.

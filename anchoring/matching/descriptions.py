@@ -1,4 +1,4 @@
-"""Descriptions of wanted objects: what a property may be, and to what degree a value is as described."""
+"""Descriptions of wanted objects: allowed values of properties, and the degree to which a value fits."""
 
 from collections.abc import Mapping
 from dataclasses import dataclass
@@ -69,7 +69,7 @@ Allowed: TypeAlias = AllowedValues | AllowedInterval | AllowedPlace
 
 @dataclass(frozen=True, slots=True)
 class ObjectDescription:
-    """What a wanted object is like; properties of percepts that it does not mention are ignored.
+    """The description of a wanted object; properties of percepts that it does not mention are ignored.
 
     Attributes:
         is_definite: it means one object, "the cup in my office"; else any that is so, "a red cup".

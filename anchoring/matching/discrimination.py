@@ -15,7 +15,7 @@ class Discriminating:
     """The property that is best asked for; `name` is empty where nothing that was observed differs.
 
     Attributes:
-        values: percepts by what was observed of them.
+        values: the percepts with each observed value.
     """
 
     name: str
@@ -53,7 +53,7 @@ def discriminating_property(percepts: Mapping[str, PerceptProperties], gates: Ob
 def _observed_values(
     percepts: Mapping[str, PerceptProperties], gates: ObservationGates
 ) -> Mapping[str, Mapping[str, list[str]]]:
-    """For each property the percepts by what was observed of it."""
+    """For each property, the percepts with each observed value."""
     groups: defaultdict[str, defaultdict[str, list[str]]] = defaultdict(lambda: defaultdict(list))
     for percept in sorted(percepts):
         for name, observed in percepts[percept].items():

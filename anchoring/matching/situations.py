@@ -1,4 +1,4 @@
-"""The five cases of an anchoring situation: what Find and Reacquire return, and which recovery there is.
+"""The five cases of an anchoring situation: the results of Find and Reacquire, and the recovery.
 
 "Have another look", section 3. The cases differ in how many percepts match completely and partially, and by whether
 the description is definite.
@@ -62,10 +62,10 @@ class AnchoringSituation:
     """A classified situation.
 
     Attributes:
-        recovery: what can be done; None where nothing has to be.
+        recovery: the action to take; None: none is needed.
         threshold: the degree from which matches are complete here.
         ask: in case 5 of a definite description, the property that would tell the percepts apart.
-        notes: what was decided by prior knowledge or convention.
+        notes: decisions by prior knowledge or convention.
     """
 
     case: AnchoringCase
@@ -78,7 +78,7 @@ class AnchoringSituation:
     notes: tuple[str, ...] = ()
 
     def reasons(self) -> tuple[str, ...]:
-        """Sentences: what was decided, then one for each percept and property; those of possible percepts come first."""
+        """Sentences: the decisions, then one for each percept and property; those of possible percepts come first."""
         ordered = sorted(self.matches, key=lambda match: match.status == "none")
         return (
             *self.notes,

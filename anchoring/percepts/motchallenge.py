@@ -33,7 +33,7 @@ _LONGEST: Final = 400
 
 
 class MotSettings(NamedTuple):
-    """What a text does not say.
+    """Settings that the text lacks.
 
     Attributes:
         fps: frames a second.
@@ -83,7 +83,7 @@ def _decoded(line: str | bytes) -> str:
 
 
 def _frame(line: str | bytes, before: float) -> float:
-    """Of what is no line of this format that of the line before."""
+    """The frame of a line; for a line of another format, the frame before."""
     try:
         frame = float(_decoded(line[:_LONGEST]).partition(",")[0])
     except ValueError:

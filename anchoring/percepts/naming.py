@@ -1,4 +1,4 @@
-"""Names for detections that have none: what is found where something was expected gets its name.
+"""Names for detections without names: a detection where an object was expected gets its name.
 
 A detector without a tracker says where things are, image by image. Here each detection is a percept from the first on: a thing is
 expected to move on as it did, at first as fast as its kind, or the others. All detections of an image are assigned together, each
@@ -23,7 +23,7 @@ _GATE: Final = 20.0
 _SPEED_SD_M_S: Final = 6.0
 """On each axis, of a thing that was detected once and names no kind, before any is known."""
 _SLOWEST_SD_M_S, _FASTEST_SD_M_S, _FOLLOWED, _ENOUGH = 1.0, 15.0, 5, 5
-"""Bounds of what the speeds of others teach; detections of a thing, and things, from which it is learnt."""
+"""Bounds of the learnt standard deviation of speeds; detections of an object, and objects, from which it is learnt."""
 _STRANGERS: Final = 0.003
 """New things that come into view in one image, as a share of those that are there."""
 _SPEEDS_SD_M_S: Final = {WALKER: 1.5, BIKE: 4.0, CAR: 10.0}
@@ -105,13 +105,13 @@ class DetectionNames:
         return [NamedDetection(found[number], state) for number, state in enumerate(detections)]
 
     def _learn_speed(self) -> None:
-        """What is new moves as fast as others do."""
+        """New objects are expected to move as fast as the others do."""
         speeds = [hypot(*each.velocity) for each in self._known if each.hits >= _FOLLOWED]
         if len(speeds) >= _ENOUGH:
             self._speed_sd_m_s = min(_FASTEST_SD_M_S, max(_SLOWEST_SD_M_S, float(np.median(speeds))))
 
     def _pairs(self, now_us: int, detections: Sequence[ObjectState]) -> list[tuple[_Named, int]]:
-        """Those that are more likely than that a thing was overlooked and another one appeared, of all together."""
+        """The assignment whose pairs are more likely than one object overlooked and another one that appeared."""
         if not self._known or not detections:
             return []
         expected = [thing.expected(now_us) for thing in self._known]

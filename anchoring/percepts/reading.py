@@ -183,7 +183,7 @@ class PerceptReader:
         return latest_us is not None and before_us is not None and latest_us - before_us > FAR_AHEAD_US
 
     def _ahead(self, valid_us: int) -> TextError | None:
-        """What is wrong with the tick that is being read, if the next line is so long before it, and after the last tick."""
+        """The error if the tick being read lies far after the next line, which follows the tick before."""
         first, latest_us, before_us = self._first, self._latest_us, self._before_us
         if first is None or latest_us is None or latest_us - valid_us <= FAR_AHEAD_US:
             return None

@@ -1,4 +1,4 @@
-"""Percepts and objects as records of streams: which fields they have, and what is read from them.
+"""Percepts and objects as records of streams: their fields, and how they are read.
 
 A percept has a symbol and a position, `x_m` and `y_m` (east and north) or, where the origin of those is known,
 `latitude_deg` and `longitude_deg`; deviation, velocity and further attributes are optional.
@@ -34,7 +34,7 @@ _OWN: Final = frozenset({*_UNITS, *GEOGRAPHIC, END, ANCHORED})
 def object_sort(
     name: str, below: Iterable[Sort | None], *, is_on_roads: bool = False, is_placed: bool, is_composite: bool = False
 ) -> Sort:
-    """What the states of linked objects are unless it is declared.
+    """The sort of the states of linked objects, unless one is declared.
 
     Args:
         name: of the sort.

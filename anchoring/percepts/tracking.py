@@ -1,7 +1,7 @@
-"""Percepts from detections: what is found again near where it was expected, image by image, is one percept.
+"""Percepts from detections: detections near the expected place, image by image, are one percept.
 
-It tracks over a few images only, as a tracker in image processing does (thesis 8.7.1); what was lost for longer is a new
-percept, and which object that is, is for links to say.
+It tracks over a few images only, as a tracker in image processing does (thesis 8.7.1); after a longer loss it makes a
+new percept, and links decide which object that is.
 """
 
 from collections.abc import Sequence
@@ -27,7 +27,7 @@ _ALPHA, _BETA = 0.4, 0.1
 
 
 class _Track:
-    """One thing in the images: an alpha-beta filter, and what was found of it since the last percept."""
+    """One tracked thing: an alpha-beta filter, and its detections since the last percept."""
 
     __slots__ = ("found", "hits", "latest", "seen_us", "symbol", "velocity", "x_m", "y_m")
 
@@ -113,7 +113,7 @@ class PerceptTracker:
 
 
 def _assign(now_us: int, tracks: Sequence[_Track], detections: Sequence[GroundDetection]) -> list[GroundDetection]:
-    """Give each track the detection that it is, if there is one; those that are left."""
+    """Give each track its detection, if there is one; returns the others."""
     distances: dict[tuple[str, str], float] = {}
     for index, track in enumerate(tracks):
         x, y = track.expected(now_us)

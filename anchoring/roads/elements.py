@@ -1,4 +1,4 @@
-"""What a road network is made of: crossings, links with lanes, areas.
+"""The elements of a road network: crossings, links with lanes, areas.
 
 A link is a polyline from one crossing to another. Its lanes lie at signed offsets: positive ones on the right of the
 direction from `start` to `end`. A link can be travelled in the directions of its lanes: 1 from start to end, -1 back.

@@ -1,4 +1,4 @@
-"""What objects on roads have besides their position: link, crossing, lane, speed, and relations to each other.
+"""Attributes of objects on roads: link, crossing, lane, speed, and relations to each other.
 
 They are attributes of states, so that chronicles and formulas range over them (thesis 8.7.4, 8.7.5): `link` and
 `crossing` are names, or `no_link` and `no_crossing`; off the roads they are both that.
@@ -43,7 +43,7 @@ def attributes_of(place: RoadPlace | None) -> dict[str, Value]:
 def place_of(state: ObjectState) -> RoadPlace | None:
     """The place that a state's attributes describe; None if it is off the roads, or was never put on them.
 
-    Percepts may have attributes of these names that are something else: what cannot be is left out.
+    Percepts may have attributes of these names with another meaning: impossible values are left out.
     """
     about = state.attributes
     link, crossing, via = (_name(about.get(name), nothing) for name, nothing in _PLACES)

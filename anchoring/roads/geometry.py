@@ -40,7 +40,7 @@ LEAST_M: Final = 0.001
 
 
 class Polyline:
-    """Two or more points; one that is less than a millimetre from its predecessor is left out.
+    """Two or more points; a point less than a millimetre from its predecessor is left out.
 
     Raises:
         ValueError: fewer than two different points.

@@ -17,7 +17,7 @@ from anchoring.roads.network import RoadNetwork
 from anchoring.roads.turns import CrossingPath
 
 MOST_STEPS: Final = 2000
-"""Most ends of links that one call passes: what would come farther stops there."""
+"""Most ends of links that one call passes: a hypothesis that would go farther stops there."""
 _MEETING: Final = 4
 """Between two crossings hypotheses are kept that are as light as this part of the least weight: they may meet others."""
 _SAME_M: Final = 0.5
@@ -29,8 +29,8 @@ class RouteHypothesis(NamedTuple):
 
     Attributes:
         way: the link and the direction of travel.
-        travelled_m: along the link from the middle of the crossing where it begins; negative where that is still ahead. On
-            the curve through the crossing it goes from minus what this stands for of `via` to what it stands for of the link.
+        travelled_m: along the link from the middle of the crossing where it begins; negative where that is still ahead.
+            On the curve through the crossing it runs from `-before_m` to `after_m` of the `CrossingPath`.
         lane: index into the link's lanes.
         via: the link before; None if not known.
     """
@@ -104,7 +104,7 @@ class TurnTable:
 
 
 class Pruning(NamedTuple):
-    """What is kept: hypotheses of at least this weight, and at most this many."""
+    """The hypotheses to keep: those of at least this weight, and at most this many."""
 
     least_weight: float = 0.02
     most: int = 32
@@ -183,7 +183,7 @@ def _from_right(network: RoadNetwork, way: DirectedLink) -> list[int]:
 
 
 def pruned(hypotheses: Iterable[RouteHypothesis], pruning: Pruning = USUAL_PRUNING) -> tuple[RouteHypothesis, ...]:
-    """Those that meet merged, light ones dropped, weights summing to 1; the heaviest first, never none of some."""
+    """Hypotheses that meet merged, light ones dropped, weights summing to 1; the heaviest first, at least one."""
     merged: list[RouteHypothesis] = []
     for one in sorted(hypotheses, key=lambda each: (each.way, each.lane, each.travelled_m)):
         last = merged[-1] if merged else None

@@ -1,4 +1,4 @@
-"""What of a road network is near a position: R-trees (shapely's STRtree) over pieces of links, crossings and areas."""
+"""The parts of a road network near a position: shapely's STRtree over pieces of links, crossings and areas."""
 
 import math
 from collections.abc import Iterable, Iterator
@@ -79,7 +79,7 @@ class RoadIndex:
 
 
 class _NearBoxes:
-    """Boxes by their place: a tree, and what it found around the cells that were used lately."""
+    """Boxes by their place: a tree, and a cache of its answers around the cells used lately."""
 
     def __init__(self, boxes: Iterable[_Box]) -> None:
         import numpy as np

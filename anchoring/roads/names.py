@@ -17,7 +17,7 @@ def way_name(way: DirectedLink) -> str:
 
 
 def object_names(ids: Iterable[str]) -> Mapping[str, str]:
-    """The name of each id; whatever their order, those that are names already have their own."""
+    """The name of each id; ids that are names already keep their own, in any order."""
     found: dict[str, str] = {}
     taken = set[str]()
     for id_ in sorted(set(ids), key=lambda each: (not is_object_name(each), each)):

@@ -34,7 +34,7 @@ class RoadNetwork:
 
     @cached_property
     def index(self) -> RoadIndex:
-        """What is near a position; made when it is first used."""
+        """The index of the parts near a position; made when it is first used."""
         return RoadIndex(self.links.values(), self.crossings.values(), self.areas.values())
 
     @cached_property

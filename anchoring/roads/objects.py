@@ -14,8 +14,8 @@ MEASURED: Final = 100.0
 class OnRoad:
     """The unit of a link from world objects to on-road objects: the position on the centre of the lane, and where that is.
 
-    What it was given stays as the attributes `world_x_m`, `world_y_m`. What is off the roads stays where it left them, so
-    that it is not taken for on the road again where it goes.
+    The original position stays as the attributes `world_x_m`, `world_y_m`. An object that left the roads stays at the
+    place where it left them, so that it is not put on the road again where it goes.
     """
 
     def __init__(self, network: RoadNetwork, settings: SnapSettings = DEFAULTS) -> None:

@@ -27,7 +27,7 @@ _COUNTS: Final = 4.0
 _ACROSS_M_S: Final = 0.5
 """Standard deviation of the speed across the road."""
 _WRONG_WAY_M_S: Final = 3.0
-"""What is so fast against a one-way street continues that way."""
+"""An object that is so fast against a one-way street continues that way."""
 _TURNED_SD_RAD: Final = 0.5
 _STRAYED_SD_M: Final = 3.0
 _SPEED_SD_M_S: Final = 3.0
@@ -38,8 +38,8 @@ _MOST_SLOWED: Final = 4.0
 class AlongRoads:
     """Predicts objects along the roads: a `Predictor` whose hypotheses are routes.
 
-    Attributes of each hypothesis are those of a place on the roads. What is off the roads is predicted
-    with constant velocity.
+    Attributes of each hypothesis are those of a place on the roads. An object off the roads is predicted with constant
+    velocity.
 
     Args:
         prior: over turns; that of the individual is put on top of it.

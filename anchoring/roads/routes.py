@@ -25,7 +25,7 @@ class RoadRoute(NamedTuple):
 
 
 class RoadNeeds(NamedTuple):
-    """What an emergency vehicle needs to pass a link: this width of road, and traffic no slower than this."""
+    """The needs of an emergency vehicle on a link: this width of road, and traffic no slower than this."""
 
     width_m: float = 3.0
     least_speed_m_s: float = 2.0
@@ -131,7 +131,7 @@ class RoadRoutes:
 
 
 def is_passable(link: RoadLink, speed_m_s: float | None, vehicle: RoadNeeds) -> bool:
-    """Whether a vehicle can pass a link; one whose traffic was not measured is as fast as its limit."""
+    """Whether a vehicle can pass a link; unmeasured traffic is as fast as the limit."""
     return (
         link.width_m >= vehicle.width_m
         and (link.speed_m_s if speed_m_s is None else speed_m_s) >= vehicle.least_speed_m_s
@@ -139,5 +139,5 @@ def is_passable(link: RoadLink, speed_m_s: float | None, vehicle: RoadNeeds) -> 
 
 
 def _weight(cost: _Cost) -> Callable[[Any, Any, Any], float | None]:
-    """What an edge costs is what the link costs to which it leads."""
+    """The weight of an edge: the cost of the link to which it leads."""
     return lambda _from, to, _about: cost(to) if isinstance(to, DirectedLink) else 0.0

@@ -22,7 +22,7 @@ class SnapSettings:
         across_sd_m: s_d.
         heading_sd_rad: s_h.
         switch_cost: of a link that is not adjacent to the previous one.
-        reach_m: what is farther from every link is off the roads.
+        reach_m: an object farther from every link is off the roads.
         least_speed_m_s: the direction of a slower velocity counts for nothing.
         stay_m: so much farther a lane may be and yet remain the lane.
     """

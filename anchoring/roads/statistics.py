@@ -38,7 +38,7 @@ class LinkTraffic(NamedTuple):
 
 
 class _Stretch(NamedTuple):
-    """What one vehicle did on a link from one place to the next."""
+    """The motion of one vehicle on a link from one place to the next."""
 
     from_us: int
     to_us: int

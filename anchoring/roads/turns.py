@@ -96,7 +96,7 @@ class RoadTurns:
         return {arm: way for arm, way in ways.items() if way != UTURN} or ways
 
     def attributes(self, link: str) -> dict[str, tuple[tuple[str, str], ...]]:
-        """What the thesis has as the state of a Link object: for each turn the pairs (crossing, other link)."""
+        """The state of a Link object in the thesis: for each turn the pairs (crossing, other link)."""
         found: dict[str, list[tuple[str, str]]] = {turn: [] for turn in TURNS}
         for direction in self._links[link].directions:
             crossing = self._links[link].crossing_at(direction)
@@ -181,7 +181,7 @@ class CrossingPath(NamedTuple):
         return self.line.at((travelled_m + self.before_m) / self.per_m)
 
     def nearest(self, x_m: float, y_m: float) -> tuple[float, float, float]:
-        """What is travelled at the nearest place of the curve, how far away that is, and its heading."""
+        """The distance travelled at the nearest place of the curve, the distance to that place, and its heading."""
         found = self.line.project(x_m, y_m)
         return found.offset_m * self.per_m - self.before_m, abs(found.across_m), found.heading_rad
 

@@ -1,7 +1,7 @@
 """An entry of the saliency map: a person that one platform has found, and the gate that entries of members pass.
 
-An entry comes from another member, which may be wrong or mean harm: what is no number, no covariance, from another time or
-too much is refused, by member and reason. A member speaks for its own entries only.
+An entry comes from another member, which may be wrong or malicious: it is refused, by member and reason, if it is no
+number or no covariance, of another time, or one too many. A member speaks for its own entries only.
 """
 
 from collections import Counter
@@ -30,7 +30,7 @@ class PersonEntry(NamedTuple):
     """A person that a platform has found. Times are federation time.
 
     Attributes:
-        unit, symbol: whose entry it is, and what the platform calls it.
+        unit, symbol: the platform, and its symbol for the person.
         x_m, y_m: metres east and north of the federation's origin.
         covariance: (xx, xy, yy), m^2.
         since_us, seen_us: when it was seen first, and last.
@@ -54,7 +54,7 @@ class PersonEntry(NamedTuple):
 
     @property
     def name(self) -> str:
-        """What it is called everywhere."""
+        """Its name everywhere."""
         return f"{self.unit}:{self.symbol}"
 
     @property

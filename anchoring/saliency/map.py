@@ -1,9 +1,10 @@
 """One map of persons from the entries of all members: entries of one person are one place (thesis 9.2). Pure.
 
-Two entries are of one person if no third of the same members suits better and their distance is small for their covariances;
-all entries of a place are near each other, and those of one member are of different times (it was restarted between them). So an entry that a member
-makes up is a place of its own or one more entry of a place: it takes no other member's entry away. What the members know has
-errors in common, so the place is their covariance intersection. The same entries make the same map everywhere.
+Two entries are of one person if no third of the same members suits better and their distance is small for their
+covariances; all entries of a place are near each other, and those of one member are of different times (it was
+restarted between them). So an entry that a member makes up is a place of its own or one more entry of a place: it takes
+no other member's entry away. The members' errors are correlated, so the place is their covariance intersection. The
+same entries make the same map everywhere.
 """
 
 from collections.abc import Mapping
@@ -28,7 +29,7 @@ class SalientPlace(NamedTuple):
     Attributes:
         name: of the entry that was there first.
         covariance: (xx, xy, yy), m^2.
-        entries: what it is made of, by member; the scores and images are those of the one that observed it longest.
+        entries: its entries, by member; the scores and images are those of the entry that was observed longest.
     """
 
     name: str
@@ -60,7 +61,7 @@ class SaliencyMap:
     """The entries of all members that passed the gate.
 
     Attributes:
-        gate: what was refused, by member and reason.
+        gate: counts of refused entries, by member and reason.
     """
 
     def __init__(self, trusted: Mapping[str, float] | None = None) -> None:
@@ -71,11 +72,11 @@ class SaliencyMap:
 
     @property
     def members(self) -> tuple[str, ...]:
-        """Those that have entries."""
+        """The members with entries."""
         return tuple(sorted(unit for unit, entries in self._entries.items() if entries))
 
     def take(self, entry: PersonEntry, now_us: int) -> None:
-        """An entry of a member, new or seen again; what cannot be is refused and counted."""
+        """Take an entry of a member, new or seen again; an impossible one is refused and counted."""
         if not self.gate.passes(entry, now_us):
             return
         of_member = self._entries.setdefault(entry.unit, {})

@@ -1,7 +1,7 @@
-"""What one platform's detectors of persons follow becomes a person once it was observed for 5 s (thesis 7.1.1). Pure.
+"""Percepts of one platform's detectors become a person once they were observed for 5 s (thesis 7.1.1). Pure.
 
-Percepts that are near each other are of one body, also those of another pass, or after a gap. It is a person while both channels
-say so on the average: what is warm alone, or has the form of a person alone, is none.
+Percepts that are near each other are of one body, also those of another pass, or after a gap. It is a person while both
+channels score above the limit on average: warmth alone, or form alone, is not enough.
 """
 
 from dataclasses import dataclass, field

@@ -1,4 +1,4 @@
-"""What closes lanes: vehicles that stand, or move more slowly than traffic that is to be passed through.
+"""The vehicles that close lanes: those that stand, or move more slowly than traffic that is to be passed through.
 
 The speed of a vehicle is measured over its last `OVER_US`, from place to place, so that an error of one position counts
 little; while that much of it has not been seen it closes nothing.

@@ -1,4 +1,4 @@
-"""What pairs of cars are to each other on a map, where a road is more than one link."""
+"""Relations of pairs of cars on a map, where a road is more than one link."""
 
 from anchoring.roads.network import RoadNetwork
 from compunits import StableFollowing, StableRelations

@@ -78,7 +78,7 @@ def closed_because(network: RoadNetwork, link: str, place: Narrowest | None, wid
 
 
 def obstructed(link: str, place: Narrowest) -> str:
-    """What narrows a link where it is narrowest."""
+    """The obstacles that narrow a link at its narrowest place."""
     several = len(place.obstacles) > 1
     return (
         f"{_names(place.obstacles)} stand{'' if several else 's'} on {link}"

@@ -52,7 +52,7 @@ LINK_TRAFFIC: Final = Sort(
 WANTED_ROUTE: Final = Sort(
     "wanted-route", (Field("symbol", "text"), Field("start", "text"), Field("goal", "text"), Field("width_m", "m"))
 )
-"""The route that a vehicle wants, which is so wide; `symbol` names the vehicle, or what it is on its way to."""
+"""The route that a vehicle of this width wants; `symbol` names the vehicle, or its destination."""
 ROUTE_STATE: Final = Sort(
     "route-state",
     (
@@ -61,7 +61,7 @@ ROUTE_STATE: Final = Sort(
     ),
 )  # fmt: skip
 SLOW_M_S: Final = 2.0
-"""What is slower closes its lane for an emergency vehicle."""
+"""A slower vehicle closes its lane for an emergency vehicle."""
 LATE_US: Final = US_PER_S // 2
 AGAIN_US: Final = 10 * US_PER_S
 MOST_ROUTES: Final = 64
@@ -116,7 +116,7 @@ class PlacesOnRoads:
         return place.link is not None and abs(place.across_m) > self.network.links[place.link].width_m / 2 + SLACK_M
 
     def forget(self, before_us: int) -> None:
-        """What was last seen before that time."""
+        """Forget the places last seen before that time."""
         self._places = {name: each for name, each in self._places.items() if each.valid_us >= before_us}
 
 
@@ -186,7 +186,8 @@ class _OnceASecond:
 
 
 class TrafficOnLinks:
-    """Traffic on each link in each direction over the last `window_s`: flow, mean speed, density, and what stands there.
+    """Traffic on each link in each direction over the last `window_s`: flow, mean speed, density, and standing
+    vehicles.
 
     A link has a state each second while vehicles are, or were, on it within the window, and one more with none.
     """
@@ -290,7 +291,7 @@ def seconds(from_us: int) -> Iterator[tuple[int, float]]:
 
 
 def yes(from_us: int) -> Iterator[tuple[int, bool]]:
-    """What is so, and stays."""
+    """A value that becomes true and stays so."""
     yield from_us, True
 
 

@@ -88,7 +88,8 @@ class Hover:
 
     def _lean(self, now_us: int) -> Attitude:
         """The true attitude. The platform gets it with a small error."""
-        attitude = Attitude(*self._rng.normal(0.0, _WIND_RAD, 2).tolist(), 0.5)
+        roll_rad, pitch_rad = self._rng.normal(0.0, _WIND_RAD, 2).tolist()
+        attitude = Attitude(roll_rad, pitch_rad, 0.5)
         variance = (_POSITION_SD_M**2, _POSITION_SD_M**2, _HEIGHT_SD_M**2, 0.01, 0.01, 0.01)
         estimate = Estimate(*FRAME.from_ned(*(self._place + self._error)), 0.0, 0.0, 0.0, *variance)
         self.payload.estimator.on_estimate(now_us, estimate)

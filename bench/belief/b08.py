@@ -9,6 +9,7 @@ from collections.abc import Callable, Iterator, Mapping
 from contextlib import contextmanager
 from datetime import datetime, timedelta
 from functools import partial
+from importlib.util import find_spec
 from time import perf_counter
 from typing import Any
 
@@ -35,6 +36,7 @@ SCANS = {10: 20, 50: 8, 200: 2}
 CLUTTER = (0.25, 1.0)
 LEAST = {10: 20.0, 50: 200.0, 200: 200.0}
 PEER = "stone-soup"
+EXTRA = {PEER: "stonesoup"}
 BARS: tuple[Bar, ...] = tuple(
     bar
     for targets, least in LEAST.items()
@@ -158,4 +160,7 @@ def sides(options: Options) -> Iterator[Mapping[str, Side]]:
         return run
 
     exact = partial(ours, exact_instances=EXACT_INSTANCES)
-    yield {"ours": side("ours", ours), "exact": side("exact", exact), PEER: side(PEER, stone_soup)}
+    found: dict[str, Side] = {"ours": side("ours", ours), "exact": side("exact", exact)}
+    if find_spec(EXTRA[PEER]) is not None:
+        found[PEER] = side(PEER, stone_soup)
+    yield found

@@ -17,11 +17,13 @@ BARS = (
     Limit("cpu_s_a_run", 10.0),
 )
 _SEEDS = 20
+_SHORT = 2
+"""The seed of a flight that is soon over."""
 
 
 @contextmanager
 def sides(options: Options) -> Iterator[dict[str, Side]]:
-    numbers = count(1)
+    numbers = count(options.size(1, _SHORT))
 
     def measured() -> Figures:
         runs = [run(seed) for seed in islice(numbers, max(1, round(_SEEDS * options.effort)))]

@@ -114,7 +114,7 @@ class Case(NamedTuple):
 
     geometry: str
     speed_m_s: float
-    count: int = 2
+    vehicles: int = 2
     fault: str = "none"
     seed: int = 1
     up_m: float = UP_M
@@ -128,7 +128,7 @@ class Case(NamedTuple):
         what += f", wind {self.wind_m_s:.0f} m/s" if self.wind_m_s else ""
         up = "" if self.up_m == UP_M else f", {self.up_m:.0f} m up"
         other = "" if self.other_m_s is None else f" and {self.other_m_s:.0f}"
-        return f"{self.count} {self.geometry}, {self.speed_m_s:.0f}{other} m/s{up}{what}, seed {self.seed}"
+        return f"{self.vehicles} {self.geometry}, {self.speed_m_s:.0f}{other} m/s{up}{what}, seed {self.seed}"
 
     @property
     def is_harmless(self) -> bool:
@@ -160,9 +160,9 @@ class Leg(NamedTuple):
 
 def legs(case: Case) -> list[Leg]:
     """Where each flies, drawn about the geometry: a few metres aside, a few metres early."""
-    rng = random.Random(f"{case.geometry} {case.count} {case.seed}")
+    rng = random.Random(f"{case.geometry} {case.vehicles} {case.seed}")
     found: list[Leg] = []
-    for way in WAYS[case.geometry][: case.count]:
+    for way in WAYS[case.geometry][: case.vehicles]:
         speed = case.speed_m_s
         if way.is_other:
             slower = speed / 2.0 if case.geometry == "overtaking" else speed

@@ -148,8 +148,8 @@ def _judge_one(found: Flown, copter: Copter, leg: Leg, alone: float, began_s: fl
     for seen in copter.track:
         if seen.at_s >= at_s + 0.5:
             at_s = seen.at_s
-            where = (round(metres, 1) for metres in seen.place)
-            found.track.append((round(at_s - began_s, 1), copter.number, *where))  # type: ignore[arg-type]
+            north_m, east_m, up_m = (round(metres, 1) for metres in seen.place)
+            found.track.append((round(at_s - began_s, 1), copter.number, north_m, east_m, up_m))
 
 
 def _is_stop(unit: str, text: str) -> bool:

@@ -9,17 +9,14 @@ from typing import Any
 
 import zenoh
 
-from agents.actions import COORDINATION
 from agents.exchange.gateway import stream_policy
-from agents.monitoring.coordination import Coordination
 from agents.platform import Platform
 from bench.fleet.members import PATIENCE_S, PERIOD_US, Member, Source
 from bench.rows import Limit, Options, Ratio, Side
-from bench.wire.raw import STAMP, latencies, opened
+from bench.wire.raw import STAMP, closed, latencies, opened
 from bench.workers import Worker
 from dyknow import US_PER_S
 from federation import keys
-from federation.messages.acts import Act, AgentName, Performative
 from federation.messages.codec import StreamSample, encode_samples
 from federation.messages.contents import MonitorProximity
 from reasoning import AlarmEvent
@@ -27,8 +24,11 @@ from reasoning import AlarmEvent
 TITLE = "16 platforms, position and altitude all to all at 10 Hz, every one monitors proximity to all"
 BARS = (Ratio("cpu_percent", 2.5), Limit("gaps", 0.0), Limit("alarms_missed", 0.0), Limit("alarm_p99_ms", 100.0))
 PLATFORMS = 16
+LEADER = "0"
 SECONDS = 4.0
 """Of one round: 15 of them are the minute."""
+LEAST_S = 2.5
+"""Each pair comes too close once in 2 s."""
 
 HOME = 57.7, 16.5, 60.0
 APART_DEG = 0.003  # 180 m of longitude there
@@ -38,30 +38,31 @@ EVERY, LASTS = 20, 3
 STREAMS = ("heli-position", "heli-altitude")
 
 
-def phase_us(index: int) -> int:
+def phase_us(index: int, platforms: int) -> int:
     """Platforms give their samples one after the other, as vehicles do that know nothing of each other."""
-    return index * PERIOD_US // PLATFORMS
+    return index * PERIOD_US // platforms
 
 
 def too_close(index: int, valid_us: int) -> bool:
     return (valid_us // PERIOD_US + index // 2) % EVERY < LASTS
 
 
-def shown_at_us(index: int, valid_us: int) -> int:
+def shown_at_us(index: int, platforms: int, valid_us: int) -> int:
     """When the second of a pair's samples of that time is given."""
-    return valid_us + phase_us(index | 1)
+    return valid_us + phase_us(index | 1, platforms)
 
 
 @contextmanager
 def sides(options: Options) -> Iterator[dict[str, Side]]:
-    seconds = SECONDS * options.effort
+    platforms = options.size(PLATFORMS, 2)
+    seconds = max(SECONDS * options.effort, LEAST_S)
     with ExitStack() as stack:
 
         def workers(side: str, what: str) -> list[Worker]:
-            shared = {"federation": f"bench-b11-{os.getpid()}-{side}"}
-            found = [stack.enter_context(Worker(what, {**shared, "index": index})) for index in range(PLATFORMS)]
+            shared = {"federation": f"bench-b11-{os.getpid()}-{side}", "platforms": platforms}
+            found = [stack.enter_context(Worker(what, {**shared, "index": index})) for index in range(platforms)]
             for worker in found:
-                worker.begin("ready", platforms=PLATFORMS)
+                worker.begin("ready", platforms=platforms)
             for worker in found:
                 worker.end()
             return found
@@ -75,10 +76,10 @@ def sides(options: Options) -> Iterator[dict[str, Side]]:
 
             def run() -> dict[str, float]:
                 _each(ours, "begin")
-                ours[0].call("delegate")
+                ours[1].call("delegate")
                 _each(ours, "settled")
                 figures = _all(_each(ours, "run", seconds=seconds))
-                ours[0].call("cancel")
+                ours[1].call("cancel")
                 _each(ours, "ended")
                 return figures
 
@@ -131,12 +132,12 @@ class Monitoring(Member):
 
     platform: _Watched
 
-    def __init__(self, federation: str, index: int) -> None:
-        self.index = index
+    def __init__(self, federation: str, index: int, platforms: int) -> None:
+        self.index, self.platforms = index, platforms
         super().__init__(str(index), federation, platform=_Watched, avoidance=False)
 
     def _source(self) -> Source:
-        return Source(self.platform, phase_us(self.index), self._place)
+        return Source(self.platform, phase_us(self.index, self.platforms), self._place)
 
     def _place(self, valid_us: int) -> tuple[float, float, float]:
         latitude_deg, longitude_deg, altitude_m = HOME
@@ -146,20 +147,13 @@ class Monitoring(Member):
         return latitude_deg, longitude_deg + place * APART_DEG, altitude_m
 
     def begin(self) -> bool:
-        self.do(lambda: self.source.start(self.clock.now_us()))
+        self.give()
         return True
 
     def delegate(self) -> bool:
-        """Have this platform lead the task."""
-
-        def asked() -> None:
-            content, unit = MonitorProximity(profile="proximity", avoidance=False), self.platform.unit
-            self.task = self.platform.member.acts.conversations.new_conversation(unit)
-            own, agent = AgentName("interface", unit), AgentName(COORDINATION.agent, unit)
-            act = Act(Performative.REQUEST, own, agent, content.expr(), conversation_id=self.task)
-            self.platform.part(Coordination).on_monitor_proximity(act, content, self.clock.now_us())
-
-        self.do(asked)
+        """Ask the first platform to lead the task, as a command centre does: what it asks of others shows this request."""
+        content = MonitorProximity(profile="proximity", avoidance=False)
+        self.task = self.do(lambda: self.platform.ports.agent.delegate(LEADER, content, self.clock.now_us()))
         return True
 
     def settled(self) -> bool:
@@ -169,7 +163,7 @@ class Monitoring(Member):
             named = self.platform.built.monitors.named.get("proximity")
             return (
                 named is not None
-                and len(named.instances) == PLATFORMS - 1
+                and len(named.instances) == self.platforms - 1
                 and all(instance.monitor.inputs == "fresh" for instance in named.instances.values())
             )
 
@@ -216,7 +210,7 @@ class Monitoring(Member):
             "recovered": float(after[2] - before[2]),
             "expected": len(wanted),
             "alarm_ns": [
-                at_ns + offset_ns - shown_at_us(self.index, valid_us) * 1000
+                at_ns + offset_ns - shown_at_us(self.index, self.platforms, valid_us) * 1000
                 for valid_us, at_ns in opened
                 if valid_us in wanted
             ],
@@ -239,13 +233,13 @@ class Monitoring(Member):
         )
 
     def cancel(self) -> bool:
-        self.do(lambda: self.platform.built.tasks.cancel(self.task, self.clock.now_us()))
+        self.do(lambda: self.platform.ports.agent.cancel(LEADER, self.task, self.clock.now_us()))
         return True
 
     def ended(self) -> bool:
         """Nothing is monitored any more, and nothing exported."""
         self.wait_for(lambda: not self.platform.built.monitors.named, "the end of the task")
-        self.do(self.source.stop)
+        self.rest()
         self.do(self.platform.opened.clear)
         self.wait_for(lambda: not self.platform.built.gateway.exporter.exports.streams(), "the end of the streams")
         return True
@@ -254,8 +248,8 @@ class Monitoring(Member):
 class Meshed:
     """The peer: a session that puts the same messages, and does nothing with those of all others."""
 
-    def __init__(self, federation: str, index: int) -> None:
-        self.index = index
+    def __init__(self, federation: str, index: int, platforms: int) -> None:
+        self.index, self.platforms = index, platforms
         self._found_ns: list[int] = []
         self._session = opened(federation)
         policy_hash = stream_policy(PERIOD_US / US_PER_S, 0.5).content_hash()
@@ -297,7 +291,7 @@ class Meshed:
 
     def _put(self, stop: Event) -> None:
         """Both messages of each period, in the same phase as the platform of that index."""
-        due_us = (time.time_ns() // 1000 // PERIOD_US + 1) * PERIOD_US + phase_us(self.index)
+        due_us = (time.time_ns() // 1000 // PERIOD_US + 1) * PERIOD_US + phase_us(self.index, self.platforms)
         number = 0
         while not stop.wait(max(0.0, due_us / 1e6 - time.time())):
             for publisher, size in zip(self._publishers, self._sizes, strict=True):
@@ -306,4 +300,4 @@ class Meshed:
             due_us += PERIOD_US
 
     def close(self) -> None:
-        self._session.close()
+        closed(self._session)

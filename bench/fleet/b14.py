@@ -54,7 +54,7 @@ def _platforms(effort: float) -> Iterator[Callable[[], Figures]]:
             stack.callback(process.terminate)
         for process in started:
             _found_all(process)
-        delegated = [DYKNOW, "delegate", "monitor-proximity", "--to", "0", "--federation", federation]
+        delegated = [str(DYKNOW), "delegate", "monitor-proximity", "--to", "0", "--federation", federation]
         subprocess.run(delegated, check=True, stdout=subprocess.DEVNULL)
         time.sleep(WARM_S * effort)
         processes = [psutil.Process(process.pid) for process in started]

@@ -3,7 +3,7 @@
 import gc
 import resource
 import time
-from collections.abc import Iterator
+from collections.abc import Callable, Iterator
 from contextlib import contextmanager
 
 from agents.config import PlatformConfig
@@ -17,19 +17,31 @@ from sim_uavs.world.world import World
 
 TITLE = "the simulated world: processor seconds per simulated second, one core"
 BARS = (Limit("s_per_s", 1.0, ours="100 UAVs, 1 s"), Limit("rss_gb", 4.0, ours="1000 UAVs, 5 neighbours"))
-_JOIN_S, _SET_UP_S, _RING = 3.0, 4.0, 1000
+_JOIN_S, _SET_UP_S = 3.0, 4.0
+_SOME, _MANY = 100, 1000
+
+Reach = Callable[[str, str], bool]
+"""Whether two units are in radio range of each other."""
 
 
-def _near(one: str, other: str) -> bool:
+def _on_ring(count: int) -> Reach:
     """On a ring, in radio range of the two next on either side and of the one across; the command centre of one."""
-    if "cc" in {one, other}:
-        return "0" in {one, other}
-    apart = abs(int(one) - int(other))
-    return min(apart, _RING - apart) <= 2 or (apart == _RING // 2)
+
+    def near(one: str, other: str) -> bool:
+        if "cc" in {one, other}:
+            return "0" in {one, other}
+        apart = abs(int(one) - int(other))
+        return min(apart, count - apart) <= 2 or (apart == count // 2)
+
+    return near
 
 
-def _world(count: int, period_us: int, **options: object) -> World:
-    world = World(1, truth_us=None, link=SessionLink(jitter_us=0), **options)  # type: ignore[arg-type]
+def _everywhere(_one: str, _other: str) -> bool:
+    return True
+
+
+def _world(count: int, period_us: int, reach: Reach) -> World:
+    world = World(1, truth_us=None, link=SessionLink(jitter_us=0), reach=reach)
     for unit in scenario("swarm", count, 1).units:
         vehicle = SimulatedVehicle(
             unit.vehicle(unit.number % 254 + 1, airborne=True), world.now_us, phase_us=world.random.randrange(100_000)
@@ -42,9 +54,9 @@ def _world(count: int, period_us: int, **options: object) -> World:
     return world
 
 
-def _run(count: int, period_us: int, seconds: float, **options: object) -> Figures:
+def _run(count: int, period_us: int, seconds: float, reach: Reach = _everywhere) -> Figures:
     gc.collect()
-    world = _world(count, period_us, **options)
+    world = _world(count, period_us, reach)
     profile = "proximity-thesis" if period_us == 1_000_000 else "proximity"
     world.ask("cc", "0", MonitorProximity(profile=profile))
     world.run_for(_SET_UP_S)
@@ -68,8 +80,9 @@ def _run(count: int, period_us: int, seconds: float, **options: object) -> Figur
 
 @contextmanager
 def sides(options: Options) -> Iterator[dict[str, Side]]:
+    some, many = options.size(_SOME, 3), options.size(_MANY, 8)
     yield {
-        "100 UAVs, 1 s": lambda: _run(100, 1_000_000, 60.0 * options.effort),
-        "100 UAVs, 10 Hz": lambda: _run(100, 100_000, 5.0 * options.effort),
-        "1000 UAVs, 5 neighbours": lambda: _run(_RING, 1_000_000, 10.0 * options.effort, reach=_near),
+        "100 UAVs, 1 s": lambda: _run(some, 1_000_000, 60.0 * options.effort),
+        "100 UAVs, 10 Hz": lambda: _run(some, 100_000, 5.0 * options.effort),
+        "1000 UAVs, 5 neighbours": lambda: _run(many, 1_000_000, 10.0 * options.effort, _on_ring(many)),
     }

@@ -5,21 +5,20 @@ What it lacks is a vehicle: where positions are needed, a source in the process 
 
 import time
 from collections.abc import Callable, Iterable
-from functools import cache
+from functools import cache, partial
 from queue import SimpleQueue
 from threading import Thread
 from typing import Any, NamedTuple
 
 from agents.config import PlatformConfig
 from agents.directory.directory import DirectoryAgent
-from agents.effects import Halt, Note
 from agents.flight.flight import FlightAgent
 from agents.monitoring.monitor_plans import PlanBook
 from agents.platform import Platform
 from dyknow import Sample
 from federation.messages import contents
 from federation.sharing.ontology import default_ontology
-from federation.transport import Put
+from federation.transport import Put, WireEffect
 from navigation.fusion import Estimate
 from proxies.zenoh.configuration import ZenohOptions
 from proxies.zenoh.edge import ZenohEdge
@@ -128,8 +127,20 @@ class Member:
         """For what is to be seen at once."""
 
     def _perform(self, effect: Any) -> None:
-        if type(effect) is Put or not isinstance(effect, Note | Halt):
+        """Those of the wire; no vehicle, host or file is there for the others."""
+        if type(effect) is Put or isinstance(effect, WireEffect):
             self._edge.perform(effect)
+
+    def give(self) -> None:
+        """Let the source give estimates from now on."""
+        if self.source is None:
+            raise ValueError(f"expected a source, got none in {type(self).__name__}; write its `_source`")
+        self.do(partial(self.source.start, self.clock.now_us()))
+
+    def rest(self) -> None:
+        """Let the source give no more."""
+        if self.source is not None:
+            self.do(self.source.stop)
 
     def do(self, work: Callable[[], Any]) -> Any:
         done: SimpleQueue[Any] = SimpleQueue()

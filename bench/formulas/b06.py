@@ -1,11 +1,11 @@
 """B6: progression of the two formulas of thesis 7.10 through its worst sequences, from states of feature values."""
 
-from collections.abc import Callable, Iterator
+from collections.abc import Callable, Iterator, Sequence
 from contextlib import contextmanager
 from functools import partial
 from typing import Any
 
-from bench.formulas.progression_peers import HORIZONS, present, python_monitors, reelay, rtamt
+from bench.formulas.progression_peers import HORIZONS, MODULES, present, python_monitors, reelay, rtamt
 from bench.formulas.progressions import (
     EXPERIMENTS,
     FAST,
@@ -38,6 +38,7 @@ THOUSAND = 1000
 SHOWN_STATES = 41
 BEFORE = 50
 QUIET = ("figures",)
+EXTRA = dict(MODULES)
 
 
 def points(found: Figures, figure: str, said: str, way: str) -> list[tuple[float, float]]:
@@ -66,7 +67,7 @@ def sides(options: Options) -> Iterator[dict[str, Side]]:
         "object, letters": partial(_averages, lambda one: from_letters(one, one.worst), states, None),
         "unseen residual": _unseen,
         "verdict late": _lateness,
-        "figures": _figures,
+        "figures": partial(_figures, COUNTS[: options.size(len(COUNTS), 2)], options.size(THOUSAND, 20)),
     }
 
 
@@ -126,20 +127,20 @@ def _answers(one: Experiment) -> Iterator[tuple[str, Callable[[int, float], bool
         yield "python-monitors", lambda number, speed: not holds(number, speed)
 
 
-def _figures() -> Figures:
+def _figures(counts: Sequence[int], thousand: int) -> Figures:
     """What Figures 7.14 to 7.17 show, in microseconds: all formulas through a state."""
     found: Figures = {}
     for one in EXPERIMENTS:
         for sequence in one.sequences:
             states = 2 * len(sequence.cycle) + 20
-            for count in COUNTS:
+            for count in counts:
                 step = one_by_one(one, sequence, count)
                 found[f"{one.average} object {sequence.said} {count}"] = round(average_ns(step, states, 25) / 1000, 3)
         for sequence in (one.sequences[at] for at in one.shown):
             _state_by_state(
-                found, one, sequence, "deadlines", one_by_one(one, sequence, THOUSAND // 20, "deadlines"), 20
+                found, one, sequence, "deadlines", one_by_one(one, sequence, thousand // 20, "deadlines"), 20
             )
-        _state_by_state(found, one, one.worst, "object", one_by_one(one, one.worst, THOUSAND), 1)
+        _state_by_state(found, one, one.worst, "object", one_by_one(one, one.worst, thousand), 1)
     return found
 
 

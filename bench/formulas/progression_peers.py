@@ -13,6 +13,8 @@ Update = Callable[[int, float], Any]
 """(number of the state, speed) -> whether the formula held a horizon ago, or its margin."""
 
 HORIZONS: Final = {"7.10.1": 10, "7.10.2": 19}
+MODULES: Final = {"reelay": "reelay", "rtamt": "rtamt", "python-monitors": "monitors"}
+"""What each of them is imported as."""
 _REELAY: Final = {
     "7.10.1": "once[0:10]{speed <= 30}",
     "7.10.2": "(once[19:19]{speed <= 30}) or (once[0:10](historically[0:9]{speed <= 30}))",
@@ -64,5 +66,4 @@ def python_monitors(section: str) -> Update:
 
 def present() -> tuple[str, ...]:
     """Those that are installed."""
-    named = {"reelay": "reelay", "rtamt": "rtamt", "python-monitors": "monitors"}
-    return tuple(name for name, module in named.items() if find_spec(module) is not None)
+    return tuple(name for name, module in MODULES.items() if find_spec(module) is not None)

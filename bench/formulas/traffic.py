@@ -22,6 +22,9 @@ from reasoning.chronicles import (
 Change = tuple[int, str, tuple[str, ...], str | None, str]
 """(time in ms, attribute, arguments, old value, new value)."""
 
+Step = tuple[int, str, str, str]
+"""(time until the next in ms, attribute, old value, new value) of a car."""
+
 _RELATIONS = ("behind", "left", "in_front")
 _CAR1, _CAR2, _ROAD = ChronicleVariable("car1"), ChronicleVariable("car2"), ChronicleVariable("road")
 
@@ -106,7 +109,8 @@ def turns(cars: int, count: int, seed: int = 1, crossings: int = 20) -> Iterator
     for car, (crossing, side) in on.items():
         yield 0, "cars.link", (car,), None, f"l{crossing}_{side}"
         yield 0, "cars.crossing", (car,), None, "no_crossing"
-    due = [(rng.randrange(1, 10_000), number, name, iter(())) for number, name in enumerate(on)]
+    nothing = tuple[Step, ...]()
+    due = [(rng.randrange(1, 10_000), number, name, iter(nothing)) for number, name in enumerate(on)]
     heapify(due)
     for _ in range(count):
         now_ms, number, car, steps = due[0]
@@ -120,10 +124,8 @@ def turns(cars: int, count: int, seed: int = 1, crossings: int = 20) -> Iterator
         heapreplace(due, (now_ms + after_ms, number, car, steps))
 
 
-def _through(
-    car: str, on: dict[str, tuple[int, int]], crossings: int, rng: random.Random
-) -> Iterator[tuple[int, str, str, str]]:
-    """(time until the next in ms, attribute, old value, new value) of a car that leaves its link for another."""
+def _through(car: str, on: dict[str, tuple[int, int]], crossings: int, rng: random.Random) -> Iterator[Step]:
+    """The steps of a car that leaves its link for another."""
     crossing, side = on[car]
     turned = rng.choice(((side + 1) % 4, side))
     old, new = f"l{crossing}_{side}", f"l{(crossing + 1 + side) % crossings}_{turned}"

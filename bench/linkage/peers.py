@@ -2,14 +2,23 @@
 
 from collections.abc import Iterator, Sequence
 from itertools import product
-from typing import Any, NamedTuple
+from typing import Any, NamedTuple, Protocol
 
 import norfair
 import numpy as np
 from norfair.filter import OptimizedKalmanFilterFactory
 
 from bench.linkage.scores import Shown, Track
-from sim_uavs.roads.scenes import Look
+from sim_uavs.roads.percepts import SeenPercept
+
+
+class Looked(Protocol):
+    """One instant, and the percepts of it, whatever the truth of it is."""
+
+    @property
+    def t_us(self) -> int: ...
+    @property
+    def percepts(self) -> Sequence[SeenPercept]: ...
 
 
 class Setting(NamedTuple):
@@ -40,7 +49,7 @@ def variants(setting: Setting) -> tuple[Setting, ...]:
     return setting, setting._replace(trusts=4.0), setting._replace(ids=True)
 
 
-def per_percept(looks: Sequence[Look]) -> list[Track]:
+def per_percept(looks: Sequence[Looked]) -> list[Track]:
     """Each percept is an object of its own, and gone with it."""
     return [
         {percept.percept: Shown(percept.x_m, percept.y_m, True) for percept in look.percepts if not percept.end}
@@ -48,7 +57,7 @@ def per_percept(looks: Sequence[Look]) -> list[Track]:
     ]
 
 
-def by_norfair(looks: Sequence[Look], setting: Setting) -> list[Track]:
+def by_norfair(looks: Sequence[Looked], setting: Setting) -> list[Track]:
     """Every track that norfair reports, coasting ones included; seen is one that was matched at the look."""
     period_s = (looks[1].t_us - looks[0].t_us) / 1e6
     keeps = max(2, round(setting.keeps_s / period_s))
@@ -68,7 +77,7 @@ def by_norfair(looks: Sequence[Look], setting: Setting) -> list[Track]:
     return list(_tracks(tracker, looks))
 
 
-def _tracks(tracker: Any, looks: Sequence[Look]) -> Iterator[Track]:
+def _tracks(tracker: Any, looks: Sequence[Looked]) -> Iterator[Track]:
     for look in looks:
         detections = [
             norfair.Detection(np.array([[percept.x_m, percept.y_m]]), data=(percept.percept, look.t_us))

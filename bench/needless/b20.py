@@ -18,7 +18,8 @@ def sides(options: Options) -> Iterator[dict[str, Side]]:
     numbers = seeds()
 
     def measured() -> Figures:
-        found = [passed(seed) for seed in islice(numbers, max(len(GEOMETRIES), round(_FLIGHTS * options.effort)))]
+        flights = max(options.size(len(GEOMETRIES), 1), round(_FLIGHTS * options.effort))
+        found = [passed(seed) for seed in islice(numbers, flights)]
         return {
             "orders_an_hour": an_hour(found),
             "hours": sum(each.flown_s for each in found) / 3600.0,

@@ -33,7 +33,7 @@ _WIDE = 14
 
 
 def measured(runs: int) -> dict[Cell, Counted]:
-    found = {}
+    found: dict[Cell, Counted] = {}
     for is_filtered in (True, False):
         for reading in READINGS:
             print(f"\n{'filtered' if is_filtered else 'raw'} relations, error read as {reading}, {runs} runs a cell")

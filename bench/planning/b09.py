@@ -20,6 +20,7 @@ from tests.planning.logistics import problem_text, text
 
 TITLE = "a plan for 10 boxes, one carrier and one UAV"
 BARS: tuple[Bar, ...] = (Limit("search_s", 0.2),)
+EXTRA = {"fast-downward": "up_fast_downward"}
 
 BOXES, SEEDS = 10, 8
 SYMBOLIC_BOXES = 20
@@ -80,6 +81,6 @@ def sides(options: Options) -> Iterator[Mapping[str, Side]]:
     found: dict[str, Side] = {"ours": lambda: searched(domain, next(asked))}
     if options.wants("free"):
         found["free"] = lambda: searched(free, next(asked_freely))
-    if options.wants("fast-downward") and find_spec("up_fast_downward") is not None:
+    if options.wants("fast-downward") and find_spec(EXTRA["fast-downward"]) is not None:
         found["fast-downward"] = fast_downward()
     yield found

@@ -61,11 +61,13 @@ def exact(seeds: range) -> Figures:
 @contextmanager
 def sides(options: Options) -> Iterator[Mapping[str, Side]]:
     ours, theirs = count(), count()
-    found: dict[str, Side] = {"ours": lambda: planned(_seeds(next(ours)))}
+    problems = max(1, round(PROBLEMS * options.effort))
+
+    def seeds(numbers: Iterator[int]) -> range:
+        number = next(numbers)
+        return range(number * problems, (number + 1) * problems)
+
+    found: dict[str, Side] = {"ours": lambda: planned(seeds(ours))}
     if options.wants("exact"):
-        found["exact"] = lambda: exact(_seeds(next(theirs)))
+        found["exact"] = lambda: exact(seeds(theirs))
     yield found
-
-
-def _seeds(number: int) -> range:
-    return range(number * PROBLEMS, (number + 1) * PROBLEMS)

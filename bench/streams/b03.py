@@ -2,6 +2,7 @@
 
 from collections.abc import Iterator
 from contextlib import contextmanager
+from functools import partial
 
 from bench.rows import Figures, Limit, Options, Ratio, Side
 from bench.streams.experiments import STREAMS, slopes
@@ -16,10 +17,11 @@ PERIOD_US = 20_000
 @contextmanager
 def sides(options: Options) -> Iterator[dict[str, Side]]:
     count = max(5, round(50 * options.effort))
+    streams = STREAMS[:: options.size(1, (len(STREAMS) - 1) // 2)]
 
     def fanned(pair: Pair) -> Figures:
         figures: Figures = {}
-        for n in STREAMS:
+        for n in streams:
             found = pair.on_grid(count, PERIOD_US, streams=n)
             figures |= {
                 f"p50_n{n}_us": found["p50_us"],
@@ -30,4 +32,4 @@ def sides(options: Options) -> Iterator[dict[str, Side]]:
         return {"slope_us": slope, **figures, **slopes(figures)}
 
     with pairs("b03", {"raw": RAW, "ours": OURS}) as found:
-        yield {side: lambda pair=pair: fanned(pair) for side, pair in found.items()}
+        yield {side: partial(fanned, pair) for side, pair in found.items()}

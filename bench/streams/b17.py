@@ -2,6 +2,7 @@
 
 from collections.abc import Iterator
 from contextlib import ExitStack, contextmanager
+from functools import partial
 
 from bench.rows import Figures, Options, Ratio, Side
 from bench.streams.hosting import Measured, site
@@ -33,5 +34,5 @@ def sides(options: Options) -> Iterator[dict[str, Side]]:
         for name in (*SIDES, "node"):
             if options.wants(name):
                 measured = stack.enter_context(site(*SIDES.get(name, ()), hosted=name in SIDES))
-                found[name] = lambda measured=measured: run(measured)
+                found[name] = partial(run, measured)
         yield found

@@ -50,9 +50,9 @@ def cutting_in(rng: np.random.Generator) -> Situation:
     ahead_m = np.minimum(-40.0 + faster * at_s, goal_m)
     begins_s = (goal_m + 40.0) / faster - 0.5
     side = np.interp(at_s, [begins_s, begins_s + rng.uniform(2.0, 4.0)], [1.0, 0.0])
-    happens = {("lane_change", "c", "1", "0")}
+    happens: set[tuple[str, ...]] = {("lane_change", "c", "1", "0")}
     if is_close:
-        happens |= {("cuts_in", "c", "a"), ("follows_too_closely", "a", "c")}  # type: ignore[arg-type]
+        happens |= {("cuts_in", "c", "a"), ("follows_too_closely", "a", "c")}
     along_m = {"a": speed * at_s, "c": speed * at_s + ahead_m}
     return Situation(at_s, along_m, {"a": np.zeros(len(at_s)), "c": side}, frozenset(happens))
 

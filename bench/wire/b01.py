@@ -2,6 +2,7 @@
 
 from collections.abc import Iterator
 from contextlib import contextmanager
+from functools import partial
 
 from bench.rows import Options, Ratio, Side
 from bench.wire.pairs import EDGE, OURS, RAW, pairs
@@ -14,4 +15,4 @@ BARS = (Ratio("p50_us", 1.2), Ratio("p99_us", 2.0))
 def sides(options: Options) -> Iterator[dict[str, Side]]:
     count = round(1000 * options.effort)
     with pairs("b01", {"raw": RAW, "edge": EDGE, "ours": OURS}) as found:
-        yield {side: lambda pair=pair: pair.paced(count, 1000) for side, pair in found.items()}
+        yield {side: partial(pair.paced, count, 1000) for side, pair in found.items()}

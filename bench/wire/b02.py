@@ -2,6 +2,7 @@
 
 from collections.abc import Iterator
 from contextlib import contextmanager
+from functools import partial
 
 from bench.rows import Options, Ratio, Side
 from bench.wire.pairs import EDGE, OURS, RAW, pairs
@@ -13,4 +14,4 @@ BARS = (Ratio("rate_per_s", 0.5, at_least=True),)
 @contextmanager
 def sides(options: Options) -> Iterator[dict[str, Side]]:
     with pairs("b02", {"raw": RAW, "edge": EDGE, "ours": OURS}) as found:
-        yield {side: lambda pair=pair: pair.flooded(options.effort) for side, pair in found.items()}
+        yield {side: partial(pair.flooded, options.effort) for side, pair in found.items()}

@@ -5,16 +5,16 @@ import os
 import time
 from collections.abc import Iterator
 from contextlib import ExitStack, contextmanager
+from functools import partial
 from typing import Any
 
 from agents.flight.flight import FlightAgent
-from agents.places import FlightPlan
 from bench.fleet.members import Member, Source
-from bench.rows import Figures, Options, Ratio, Side
+from bench.rows import Options, Ratio, Side
 from bench.wire.raw import PATIENCE_S, latencies
 from bench.workers import Worker
 from federation.messages.acts import Act, Performative
-from federation.messages.contents import Content, Query, Resume
+from federation.messages.contents import Content, Fault, Query
 from federation.security.trust import Roster, Signer, Trust, Verifier
 from federation.security.trust import RosterMember as Entry
 
@@ -32,7 +32,7 @@ ASKER, ANSWERER = "0", "1"
 PERIOD_US = 5000
 ACTS: dict[str, tuple[Performative, Content]] = {
     "query": (Performative.QUERY_REF, Query(semantic_label="heli-position", op="latest")),
-    "request": (Performative.REQUEST, Resume()),
+    "request": (Performative.REQUEST, Fault(kind="none")),
 }
 
 
@@ -41,29 +41,34 @@ def sides(options: Options) -> Iterator[dict[str, Side]]:
     count = round(200 * options.effort)
     with ExitStack() as stack:
 
-        def pair(name: str, asking: str, answering: str, *given: dict[str, Any]) -> Worker:
+        def pair(name: str, asking: str, answering: str, *given: dict[str, Any]) -> tuple[Worker, Worker]:
             federation = f"bench-b12-{os.getpid()}-{name}"
             to, by = (
                 stack.enter_context(Worker(what, {"federation": federation, **one}))
                 for what, one in zip((answering, asking), given or ({}, {}), strict=True)
             )
-            to.begin("ready")
-            by.call("ready")
-            to.end()
-            return by
+            return to, by
 
         raw = pair("raw", "bench.wire.raw:Asker", "bench.wire.raw:Answerer")
-        found: dict[str, Side] = {"raw": lambda: dict(raw.call("ask", count=count, period_us=PERIOD_US))}
+        ours: dict[str, tuple[Worker, Worker]] = {}
         for name, signed in (("", False), (" signed", True)):
             given = ({"unit": ANSWERER, "signed": signed}, {"unit": ASKER, "signed": signed})
-            asker = pair(f"ours{signed:d}", "bench.wire.b12:Asking", "bench.wire.b12:Asking", *given)
-            for what in ACTS:
-
-                def run(asker: Worker = asker, what: str = what) -> Figures:
-                    return dict(asker.call("ask", what=what, count=count, period_us=PERIOD_US))
-
-                found[what + name] = run
+            ours[name] = pair(f"ours{signed:d}", "bench.wire.b12:Asking", "bench.wire.b12:Asking", *given)
+        pace = {"count": count, "period_us": PERIOD_US}
+        found: dict[str, Side] = {"raw": partial(_ready(raw).call, "ask", **pace)}
+        for name, both in ours.items():
+            asker = _ready(both)
+            found |= {what + name: partial(asker.call, "ask", what=what, **pace) for what in ACTS}
         yield found
+
+
+def _ready(pair: tuple[Worker, Worker]) -> Worker:
+    """The one that asks, once both are there."""
+    to, by = pair
+    to.begin("ready")
+    by.call("ready")
+    to.end()
+    return by
 
 
 def trust(unit: str, federation: str, now_us: int) -> Trust:
@@ -79,13 +84,11 @@ def trust(unit: str, federation: str, now_us: int) -> Trust:
 
 
 class Asking(Member):
-    """One platform of the two; both know their position, and have an empty plan that a request may resume."""
+    """One platform of the two; both know their position, and take faults, which no vehicle is there to have."""
 
     def __init__(self, federation: str, unit: str, *, signed: bool) -> None:
         secured = trust(unit, federation, time.time_ns() // 1000) if signed else None
-        super().__init__(
-            unit, federation, trust=secured, control=True, plan=FlightPlan(()), acts_per_s=1e6, acts_burst=1e6
-        )
+        super().__init__(unit, federation, trust=secured, simulated=True, acts_per_s=1e6, acts_burst=1e6)
         self._left = 0
         self._found_ns: list[int] = []
         self._wrong: list[str] = []
@@ -95,7 +98,7 @@ class Asking(Member):
 
     def ready(self, platforms: int = 2) -> bool:
         super().ready(platforms)
-        self.do(lambda: self.source.start(self.clock.now_us()))
+        self.give()
         self.wait_for(
             lambda: (
                 self.platform.ports.network.generator(
@@ -105,7 +108,7 @@ class Asking(Member):
             ),
             "a position",
         )
-        self.do(self.source.stop)
+        self.rest()
         return True
 
     def ask(self, what: str, count: int, period_us: int) -> dict[str, float]:

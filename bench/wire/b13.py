@@ -3,13 +3,14 @@
 import itertools
 import os
 import time
-from collections.abc import Iterator
+from collections.abc import Callable, Iterator
 from contextlib import ExitStack, contextmanager
+from functools import partial
 from threading import Event
 
 from agents.directory.directory import DirectoryAgent
 from bench.fleet.members import Member, prepare
-from bench.rows import Above, Options, Side
+from bench.rows import Above, Figures, Options, Side
 from bench.wire.meshes import newcomers
 from bench.wire.raw import PATIENCE_S
 
@@ -25,14 +26,18 @@ KINDS = {
 
 @contextmanager
 def sides(options: Options) -> Iterator[dict[str, Side]]:
-    number = itertools.count()
+    number, sizes = itertools.count(), {size: min(size, options.size(size, 3)) for size in SIZES}
     with ExitStack() as stack:
         found: dict[str, Side] = {}
         for side, what in KINDS.items():
             if options.wants(side):
-                measure = stack.enter_context(newcomers(what, SIZES))
-                found[side] = lambda measure=measure: measure(f"bench-b13-{os.getpid()}-{next(number)}")
+                measure = stack.enter_context(newcomers(what, sizes))
+                found[side] = partial(_measured, measure, number)
         yield found
+
+
+def _measured(measure: Callable[[str], Figures], number: Iterator[int]) -> Figures:
+    return measure(f"bench-b13-{os.getpid()}-{next(number)}")
 
 
 class PlatformNewcomer:

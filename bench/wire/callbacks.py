@@ -2,6 +2,7 @@
 
 from collections.abc import Iterator
 from contextlib import contextmanager
+from functools import partial
 
 from bench.rows import Bar, Options, Side
 from bench.wire.pairs import RAW, Pair, pairs
@@ -20,4 +21,4 @@ def sides(options: Options) -> Iterator[dict[str, Side]]:
 
     kinds = dict.fromkeys(("plain", "direct"), RAW)
     with pairs("callbacks", kinds, plain={"callback": "plain"}, direct={"callback": "direct"}) as found:
-        yield {side: lambda pair=pair: both(pair) for side, pair in found.items()}
+        yield {side: partial(both, pair) for side, pair in found.items()}

@@ -2,14 +2,14 @@
 
 import resource
 import time
-from collections.abc import Callable, Iterable, Iterator, Sequence
+from collections.abc import Callable, Iterator, Mapping, Sequence
 from contextlib import ExitStack, contextmanager
 from threading import Event
 from typing import Any
 
 import zenoh
 
-from bench.wire.raw import PATIENCE_S, STAMP, latencies, opened
+from bench.wire.raw import PATIENCE_S, STAMP, closed, latencies, opened
 from bench.workers import Worker
 from federation import keys
 from federation.transport import DeclareToken, TokenChanged, WatchTokens, WireEvent
@@ -58,7 +58,7 @@ class MeshPeer:
         return {**latencies(self._found_ns or [0]), "cpu_s": cpu_s() - before_s, "gaps": float(gaps)}
 
     def close(self) -> None:
-        self._session.close()
+        closed(self._session)
 
 
 def cpu_s() -> float:
@@ -120,7 +120,7 @@ class RawNewcomer:
         return found
 
     def leave(self) -> bool:
-        self._held[0].close()
+        closed(self._held[0])
         return True
 
 
@@ -176,9 +176,14 @@ def discovered(workers: Sequence[Worker], federation: str) -> float:
 
 
 @contextmanager
-def newcomers(what: str, sizes: Iterable[int]) -> Iterator[Callable[[str], dict[str, float]]]:
-    """Processes of one kind; the function measures every size once, in federations named after its argument."""
+def newcomers(what: str, sizes: Mapping[int, int]) -> Iterator[Callable[[str], dict[str, float]]]:
+    """Processes of one kind; the function measures every size once, in federations named after its argument.
+
+    Args:
+        sizes: how many there are for each size that is reported.
+    """
     with ExitStack() as stack:
-        wanted = tuple(sizes)
-        workers = [stack.enter_context(Worker(what, {"number": number})) for number in range(max(wanted))]
-        yield lambda name: {f"n{size}_ms": discovered(workers[:size], f"{name}-{size}") for size in wanted}
+        workers = [stack.enter_context(Worker(what, {"number": number})) for number in range(max(sizes.values()))]
+        yield lambda name: {
+            f"n{size}_ms": discovered(workers[:count], f"{name}-{size}") for size, count in sizes.items()
+        }

@@ -50,9 +50,10 @@ def pairs(row: str, kinds: dict[str, tuple[str, str]], **arguments: dict[str, ob
             federation = f"bench-{row}-{os.getpid()}-{side}"
             taking = stack.enter_context(Worker(receiver, {"federation": federation, **arguments.get(side, {})}))
             sending = stack.enter_context(Worker(sender, {"federation": federation}))
-            taking.call("ready")
-            sending.call("ready")
-            found[side] = pair = Pair(sending, taking)
+            found[side] = Pair(sending, taking)
+        for side, pair in found.items():
+            pair.receiver.call("ready")
+            pair.sender.call("ready")
             if not any(pair.linked() for _ in range(ATTEMPTS)):
                 raise TimeoutError(f"{side}: no sample comes through")
         yield found

@@ -4,22 +4,22 @@ The parts are those of a platform, and so is the loop; what is left out is the r
 heartbeats), which samples do not pass through. Valid times are the monotonic clock, which all processes share.
 """
 
-import itertools
 import time
 from collections.abc import Callable
 from typing import Any, NamedTuple
 
-from agents.admission.trusted import PlatformTrust
+from agents.config import PlatformConfig
+from agents.containment import Containment
 from agents.exchange.export_proxy import ExportProxy
 from agents.exchange.import_proxy import ImportProxy
-from agents.exchange.peer_motion import PeerMotion
+from agents.parts import PlatformParts
+from agents.ports import Ports
 from bench.instants import grid
 from bench.streams.experiments import fluent_streams
 from bench.wire.raw import IDLE_S, PATIENCE_S, delays, latencies
-from dyknow import Label, Network, Policy, Sample, earlier
+from dyknow import Network, Policy, Sample, earlier
 from federation import keys
-from federation.members.clock import FederationClock, Offset
-from federation.members.imports import Imports
+from federation.members.clock import Offset
 from federation.sharing.exports import Exports
 from federation.sharing.ontology import Ontology
 from federation.sharing.translation import Translation
@@ -46,7 +46,7 @@ def monotonic_us() -> int:
     return time.monotonic_ns() // 1000
 
 
-def _unheard(_note: str) -> None:
+def _unheard(*_news: object) -> None:
     """Takes notes that nobody reads here."""
 
 
@@ -187,35 +187,28 @@ class _Found(NamedTuple):
     arrived_us: int
 
 
+class _PortsOfKnownClock(Ports):
+    @property
+    def offset_of(self) -> Callable[[str], Offset | None]:
+        return lambda _owner: _OFFSET
+
+
 class _ImportingNode:
     def __init__(self) -> None:
         self.wake_us: int | None = None
         self._arrived_us = 0
-        self._effects: list[WireEffect] = []
-        self._network = Network()
+        self._effects: list[Any] = []
         self._subscriptions: list[Any] = []
-        translation = Translation(ONTOLOGY)
+        built = PlatformParts(PlatformConfig(RECEIVER, 0, vehicle=False, ontology=ONTOLOGY))
+        built.ports = _PortsOfKnownClock(
+            built.config, 0, emit=self._effects.append, note=_unheard, refuse=_unheard, on_peer=_unheard, on_alarm=_unheard,
+            services=tuple, labels=tuple, conditions=tuple, now_us=lambda: 0,
+            contain=Containment(_unheard, lambda: 0, str, lambda _unit: False), above=built,
+        )  # fmt: skip
+        self._network, translation = built.ports.network, built.ports.translation
         self._local = translation.local_label(LABEL, OWNER)
         self._network.add_source(self._local, translation.local_sort(LABEL))
-
-        def source(label: str, unit: str) -> tuple[Label, Callable[..., Any]]:
-            return translation.local_label(label, unit), translation.to_semantic(label)
-
-        self._imports = Imports(itertools.count(1))
-        self._importer = ImportProxy(
-            self._network,
-            ONTOLOGY,
-            translation,
-            FederationClock(),
-            lambda _owner: _OFFSET,
-            self._imports,
-            self._effects.append,
-            source,
-            lambda _unit, _label: "",
-            PlatformTrust({}, self._network, _unheard),
-            PeerMotion("0", self._network, FederationClock(), lambda: 0, lambda _at_us: None, _unheard),
-            _unheard,
-        )
+        self._imports, self._importer = built.ports.imports, built[ImportProxy]
         self._importer.expect(OWNER, LABEL, POLICY.content_hash(), POLICY, 0)
         self._instance = Instance(self._network)
 

@@ -28,6 +28,23 @@ def opened(federation: str) -> zenoh.Session:
     return zenoh.open(zenoh.Config.from_json5(json.dumps(config)))
 
 
+def closed(session: zenoh.Session) -> None:
+    close: Callable[[], None] = session.close
+    close()
+
+
+def wait_matching(publisher: zenoh.Publisher, otherwise: str) -> None:
+    """Until somebody subscribes."""
+    until = time.monotonic() + PATIENCE_S
+    while True:
+        status: Any = publisher.matching_status
+        if status.matching:
+            return
+        if time.monotonic() > until:
+            raise TimeoutError(otherwise)
+        time.sleep(0.01)
+
+
 def handler(callback: str, take: Callable[[Any], None]) -> Any:
     return take if callback == "plain" else Callback(take, indirect=False)
 
@@ -101,7 +118,7 @@ class Receiver:
         return self.collect(count, streams)
 
     def close(self) -> None:
-        self._session.close()
+        closed(self._session)
 
 
 class Sender:
@@ -114,11 +131,7 @@ class Sender:
         )
 
     def ready(self) -> bool:
-        until = time.monotonic() + PATIENCE_S
-        while not self._publisher.matching_status.matching:
-            if time.monotonic() > until:
-                raise TimeoutError("nobody subscribes")
-            time.sleep(0.01)
+        wait_matching(self._publisher, "nobody subscribes")
         return True
 
     def put_on_grid(self, count: int, period_us: int, size: int = 100) -> dict[str, float]:
@@ -148,7 +161,7 @@ class Sender:
         return {"sent": float(number)}
 
     def close(self) -> None:
-        self._session.close()
+        closed(self._session)
 
 
 class Answerer:
@@ -166,7 +179,7 @@ class Answerer:
         return True
 
     def close(self) -> None:
-        self._session.close()
+        closed(self._session)
 
 
 class Asker:
@@ -194,7 +207,7 @@ class Asker:
         return latencies(found)
 
     def close(self) -> None:
-        self._session.close()
+        closed(self._session)
 
 
 class Player:
@@ -214,11 +227,7 @@ class Player:
         )
 
     def ready(self) -> bool:
-        until = time.monotonic() + PATIENCE_S
-        while not self._publisher.matching_status.matching:
-            if time.monotonic() > until:
-                raise TimeoutError("nobody there")
-            time.sleep(0.01)
+        wait_matching(self._publisher, "nobody there")
         return True
 
     def play(self, count: int) -> bool:
@@ -237,4 +246,4 @@ class Player:
         return latencies(found)
 
     def close(self) -> None:
-        self._session.close()
+        closed(self._session)

@@ -37,11 +37,11 @@ class Output:
         self._held: TextIO | None = None
 
     def hold(self) -> None:
-        """Standard output is ours alone from now on: what code of others prints goes to standard error."""
+        """Keep standard output for this command from now on: prints of other code go to standard error."""
         self._held, sys.stdout = sys.stdout, sys.stderr
 
     def outlast(self) -> None:
-        """Continue when the terminal is closed, or the reader has gone: what cannot be written is dropped."""
+        """Continue when the terminal is closed, or the reader has gone: output that cannot be written is dropped."""
         sys.stdout, sys.stderr = _outlasting(sys.stdout), _outlasting(sys.stderr)
         self._held = None if self._held is None else _outlasting(self._held)
         self._out = self._err = None
@@ -61,7 +61,7 @@ class Output:
         return self._console.width
 
     def clear(self) -> None:
-        """An empty terminal; what is written to a file is not cleared."""
+        """Clear the terminal; output to a file is not cleared."""
         if self._console.is_terminal and not self.json_lines:
             self._console.clear()
 
@@ -79,7 +79,7 @@ class Output:
         return self._err
 
     def line(self, record: Mapping[str, Any]) -> None:
-        """One JSON object, at once; what has no value is null."""
+        """One JSON object, at once; a missing value is null."""
         stream = self._held or sys.stdout
         stream.write(_JSON.encode(record) + "\n")
         stream.flush()
@@ -105,7 +105,7 @@ class Output:
         print_trimmed(self._console, grid)
 
     def aside(self, when: str, text: Shown) -> None:
-        """As text: what happened after when, indented also where it needs several lines."""
+        """As text: an event after its time, indented also where it needs several lines."""
         from rich.table import Table
 
         grid = Table.grid(padding=(0, 2))

@@ -1,4 +1,4 @@
-"""What is shown on a terminal: text is only text, whoever wrote it, and a style is given by `styled` alone.
+"""Text for a terminal: it is never markup, whatever its origin, and a style is given by `styled` alone.
 
 No string is read as markup anywhere: no bracket, link or control character of another platform, a file or a log gets
 to the terminal as a command.
@@ -51,7 +51,7 @@ def stacked(parts: Iterable[Shown]) -> "Text":
 
 
 def as_text(shown: Shown) -> "Text":
-    """What is shown as rich prints it."""
+    """The text as rich prints it."""
     from rich.text import Text
 
     return Text(printable(shown)) if isinstance(shown, str) else shown

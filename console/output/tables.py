@@ -1,6 +1,6 @@
 """Tables: columns where the terminal is wide enough, and otherwise a few lines for each row.
 
-No word is broken that is not longer than `LONG`: what is longer is a key or a path.
+No word is broken unless it is longer than `LONG`: such a word is a key or a path.
 """
 
 from collections.abc import Iterator, Sequence
@@ -20,7 +20,7 @@ _GAP = "  "
 
 
 class Column(NamedTuple):
-    """What its cells have in common.
+    """The layout of a column's cells.
 
     Attributes:
         wraps: their lines may be broken between words.
@@ -50,7 +50,7 @@ def print_table(console: Console, title: str, columns: Sequence[Column], rows: S
 
 
 def _widths(columns: Sequence[Column], rows: list[list[Text]], available: int) -> list[int] | None:
-    """Each column as wide as its text; those that wrap as is left, but none narrower than its words; None: no room."""
+    """The width of each column: of its text, or, if it wraps, a share of the rest that fits its words; None: no room."""
     least, most = [], []
     for at, column in enumerate(columns):
         lines = [Text(column.name), *(line for row in rows for line in row[at].split())]

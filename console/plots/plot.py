@@ -42,7 +42,7 @@ class Curve:
 
 @dataclass(frozen=True, slots=True)
 class Band:
-    """What was so between two instants."""
+    """A condition that held between two instants."""
 
     kind: Kind
     from_us: int
@@ -94,7 +94,7 @@ def check_file(path: Path) -> None:
 
 
 def draw(plot: Plot, path: Path) -> None:
-    """Draw into a file; what others wrote is only text in it.
+    """Draw into a file; texts of others are never markup in it.
 
     Raises:
         WrongCall: the file cannot be written, or there is nothing to draw.
@@ -155,7 +155,7 @@ def _draw_panel(axes: "Axes", panel: PlotPanel, begin_us: int) -> None:
 
 
 def _scale(axes: "Axes", panel: PlotPanel) -> None:
-    """The vertical axis: named levels, or numbers over no less than what can be distinguished."""
+    """The vertical axis: named levels, or numbers over no less than the smallest visible span."""
     if panel.levels:
         axes.set_yticks([*panel.levels], [*panel.levels.values()])
         axes.set_ylim(min(panel.levels) - 0.15, max(panel.levels) + 0.15)

@@ -1,4 +1,4 @@
-"""What a formula says of a recorded trace, state by state: its features, where they lack, and where it is violated."""
+"""A formula over a recorded trace, state by state: its features, their gaps, and where it is violated."""
 
 from collections.abc import Iterable, Sequence
 from typing import TYPE_CHECKING, Final
@@ -14,13 +14,13 @@ if TYPE_CHECKING:
 
 _LEVELS: Final = {0.0: "false", 0.5: "undecided", 1.0: "true"}
 MOST_STEPS: Final = 200_000
-"""States that are looked at for all verdicts of a trace together; what is beyond has none."""
+"""States that are looked at for all verdicts of a trace together; later ones have none."""
 
 
 def trace_plot(
     text: str, formula: "Formula", trace: "Trace", domains: "Domains", labels: Iterable[str], outcome: "Outcome"
 ) -> Plot:
-    """A panel for each numeric feature of the formula, and the verdict of what must always hold, from each state on.
+    """A panel for each numeric feature of the formula, and the verdict of its operand of `always`, from each state on.
 
     Raises:
         WrongCall: the trace has no state.
@@ -55,7 +55,7 @@ def _panel(label: str, states: Sequence["TraceState"]) -> PlotPanel | None:
 
 
 def _verdicts(formula: "Formula", states: Sequence["TraceState"], domains: "Domains") -> PlotPanel:
-    """The verdict of the formula, or of what it says must always hold, begun at each state."""
+    """The verdict of the formula, or of its operand of `always`, begun at each state."""
     from reasoning import follow_trace
     from reasoning.formulas.tree import Always
 

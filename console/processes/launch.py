@@ -23,7 +23,7 @@ _LIMITS = ("floor_m", "ceiling_m", "range_m")
 
 
 class FleetPlan(NamedTuple):
-    """What `dyknow up` starts.
+    """The processes that `dyknow up` starts.
 
     Attributes:
         units: the number of platforms with numbers as names; the federation's file may name more.
@@ -66,7 +66,7 @@ def _meshed(call: Call, names: Sequence[str], special: Mapping[str, UnitFile]) -
 
 
 def clock_of(settings: Settings, speed: float | None, now_us: int) -> config.ClockConfig:
-    """The federation's clock. One that runs faster begins now, unless the file says when."""
+    """The federation's clock. A clock that runs faster begins now, unless the file has an epoch."""
     chosen = speed or settings.clock.speed
     if settings.clock.epoch is not None:
         return config.ClockConfig(
@@ -109,14 +109,14 @@ def _found_anywhere(module: str) -> str:
 def platform_config(
     call: Call, unit: str, vehicle: config.Vehicle, clock: config.ClockConfig, own: UnitFile = _NOTHING, **more: Any
 ) -> config.NodeConfig:
-    """What the process of one platform is configured with; raises WrongCall that names the option that does not fit.
+    """The configuration of one platform's process; raises WrongCall that names the option that does not fit.
 
     Args:
         call: the options of all platforms.
         unit: the platform's name.
-        vehicle: what it flies.
+        vehicle: its vehicle.
         clock: the federation's.
-        own: what it has that the others have not.
+        own: its own entry in the federation's file.
         more: further fields of NodeConfig.
     """
     unit_name(unit)
@@ -192,7 +192,7 @@ def with_metrics(configs: Sequence[config.NodeConfig], port: int | None) -> list
 
 
 def specified(own: UnitFile, each: UnitFile) -> UnitFile:
-    """A platform with what each has to run, unless the file says what it runs."""
+    """A platform with the specification for each, unless the file has one of its own."""
     names = ("spec", "modules", "feed", "roads", "govern", "admit")
     found = {name: getattr(own, name) or getattr(each, name) for name in names}
     return own.model_copy(update=found | {"floor_m": each.floor_m if own.floor_m is None else own.floor_m})
@@ -221,7 +221,7 @@ def only_these(names: Sequence[str], only: Sequence[str]) -> Sequence[str]:
 def _vehicle(
     unit: str, own: UnitFile, simulated: list[str], plan: FleetPlan, now_us: int
 ) -> config.SimulatedVehicleConfig | config.MavlinkVehicle | config.ReplayedVehicle:
-    """What the platform flies: the file's vehicle or recording, else a simulated UAV."""
+    """The vehicle of the platform: the file's vehicle or recording, else a simulated UAV."""
     check_forward(own, place=f"[unit.{unit}]")
     if own.mavlink:
         return mavlink_vehicle(own, place=f"[unit.{unit}] mavlink")
@@ -313,7 +313,7 @@ def together(configs: Sequence[config.NodeConfig]) -> list[list[config.NodeConfi
 
 
 def _check_texts(call: Call, own: UnitFile) -> None:
-    """Raises WrongCall and TextError for what the process of a platform could not read."""
+    """Raise WrongCall or TextError for files that the platform's process could not read."""
     if own.elevation is not None:
         from runtime.configuration.elevation_files import read_elevation
 
@@ -346,7 +346,7 @@ def replayed(file: Path, from_: str, epoch: str, now_us: int, *, place: str) -> 
 
 
 def _check_recording(file: Path, from_us: int, place: str) -> None:
-    """Raises DecodeError for what is no recording, and WrongCall if nothing of it is left at `from_us`."""
+    """Raise DecodeError for a file that is no recording, and WrongCall if it ends before `from_us`."""
     from proxies.recordings.formats import open_recording
 
     lasting_us = open_recording(file).lasting_us(from_us)

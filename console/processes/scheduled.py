@@ -7,7 +7,7 @@ from runtime.configuration.config import NodeConfig, SimulatedVehicleConfig
 
 
 def with_faults(configs: Sequence[NodeConfig], texts: Iterable[str], seed: int | None) -> list[NodeConfig]:
-    """The platforms with the faults of their vehicles: those that are written, and one each that is drawn from the seed.
+    """The platforms with the faults of their vehicles: the written ones, and one each that is drawn from the seed.
 
     Raises:
         WrongCall: a text is no fault of a schedule, or of no simulated UAV that is to be started.

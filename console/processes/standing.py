@@ -1,4 +1,4 @@
-"""What runs of a federation on this machine already, so that `dyknow up` starts what is missing."""
+"""The platforms of a federation that run on this machine already, so that `dyknow up` starts the missing ones."""
 
 from collections.abc import Sequence
 from pathlib import Path
@@ -24,7 +24,8 @@ def started_units(directory: Path) -> list[str]:
 def missing(directory: Path, configs: Sequence[NodeConfig]) -> list[NodeConfig]:
     """Those of these platforms that do not run here, as they join what runs: its clock, and its endpoints.
 
-    One that was started here before, and has died, is started as it was, whatever it is given now.
+    A platform that was started here before, and has died, is started with its old configuration, whatever the options
+    are now.
     """
     running = running_units(directory)
     absent = [config for config in configs if config.unit not in running]
@@ -74,7 +75,7 @@ def note_state(fleet: Fleet, configs: Sequence[NodeConfig], *, stays: bool) -> N
 
 
 def forget(fleet: Fleet) -> None:
-    """Its processes have ended: what others have started here stays noted."""
+    """Its processes have ended: those of others stay noted."""
     state = run_directory.read_state(fleet.directory)
     mine = {*fleet.running.values(), run_directory.this_process()}
     others = tuple(found for found in state.running if found not in mine)

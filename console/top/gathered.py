@@ -1,4 +1,4 @@
-"""What `dyknow top` shows, gathered from a federation: tables of rows, each with its details."""
+"""The contents of `dyknow top`, gathered from a federation: tables of rows, each with its details."""
 
 from collections import deque
 from collections.abc import Iterable, Mapping, Sequence

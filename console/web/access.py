@@ -39,7 +39,7 @@ class Access:
     """Judges requests.
 
     Args:
-        hosts: what the page is called in a browser: `127.0.0.1:8420`.
+        hosts: the names of the page's host in a browser: `127.0.0.1:8420`.
         is_read_only: whether no speech act leaves the page.
     """
 
@@ -54,7 +54,7 @@ class Access:
 
     @property
     def cookie(self) -> str:
-        """What the browser is given for the token: not readable by scripts, not sent from other pages."""
+        """The cookie that the browser gets for the token: not readable by scripts, not sent from other pages."""
         return f"{self._cookie}={self._session}; HttpOnly; SameSite=Strict; Path=/"
 
     def refusal(self, asked: Demand) -> Refusal | None:

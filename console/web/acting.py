@@ -1,4 +1,4 @@
-"""What a user does on the page, as speech acts: tasks are delegated and ended, questions of missions answered."""
+"""Actions of users on the page, as speech acts: tasks are delegated and ended, questions of missions answered."""
 
 from collections.abc import Callable, Mapping
 from typing import Any, Final
@@ -19,7 +19,7 @@ MOST_VALUES: Final = 32
 
 
 def job_of(client: Client, given: Mapping[str, Any]) -> Job[Done]:
-    """What was asked for.
+    """The job that a request describes.
 
     Raises:
         WrongCall: it is nothing that can be done.
@@ -88,5 +88,5 @@ def _answered(dialogue: Dialogue) -> Done:
 
 
 def told(error: BaseException) -> DyknowError:
-    """Whatever went wrong, as an error of ours."""
+    """The error as one of ours."""
     return error if isinstance(error, DyknowError) else FederationFailed("the connection to the federation has ended.")

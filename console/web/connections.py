@@ -1,4 +1,4 @@
-"""Connections to the page: those that have not shown its cookie are few, and the oldest of them makes room for the next.
+"""Connections to the page: only a few may be without its cookie, and the oldest of them makes room for the next.
 
 A browser shows the cookie with its first bytes and is no stranger from then on, so connections that are held open
 without it, with half a request or half a body, displace only each other.

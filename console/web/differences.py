@@ -4,13 +4,13 @@ from collections.abc import Mapping
 from typing import Any, TypeAlias
 
 Row: TypeAlias = Mapping[str, Any]
-"""What one thing is shown as; never changed, only replaced."""
+"""The row of one thing; never changed, only replaced."""
 Sections: TypeAlias = dict[str, dict[str, Row]]
 Difference: TypeAlias = dict[str, dict[str, Row | None]]
 
 
 def difference(before: Sections, after: Sections) -> Difference:
-    """What makes the one picture the other: rows that are new, None for those that are gone."""
+    """The difference from one picture to the other: new rows, None for removed ones."""
     found: Difference = {}
     for section, rows_after in after.items():
         rows_before = before.get(section, {})

@@ -23,7 +23,7 @@ SHOWN_TOPICS: Final = frozenset(
 class RecordedFeed:
     """A recording in memory: its messages, and the picture every five seconds of it.
 
-    `load` reads it, in a thread of its own; what is read can be looked at.
+    `load` reads it, in a thread of its own; the part read so far can be looked at.
     """
 
     def __init__(self, recording: FederationRecording, origin: tuple[float, float] | None) -> None:
@@ -36,7 +36,7 @@ class RecordedFeed:
         self.marks: list[tuple[int, int | None]] = []
 
     def load(self) -> str:
-        """Read all messages that are shown; what cannot be read, in words, or an empty text."""
+        """Read all messages that are shown; returns the damage in words, or an empty text."""
         try:
             self._read()
             problem = self.recording.unread_text
@@ -128,7 +128,7 @@ class RecordingViewer:
         return self._at_us
 
     def steer(self, wish: Mapping[str, Any]) -> None:
-        """What the viewer wishes: `at_us`, `speed`, `play`."""
+        """Take the viewer's controls: `at_us`, `speed`, `play`."""
         self._now_us()
         speed, at_us = number(wish.get("speed")), instant(wish.get("at_us"))
         if speed is not None and SLOWEST <= speed <= FASTEST:
@@ -140,7 +140,7 @@ class RecordingViewer:
             self._run += 1
 
     def about(self) -> dict[str, Any]:
-        """What the page says about the whole."""
+        """The page's facts about the whole."""
         first_us, last_us = self._feed.span_us
         return {
             "federation": self._feed.recording.about.get("federation", ""),

@@ -20,7 +20,7 @@ _FIELDS: Final = (
     "climb_m_s", "descent_m_s", "radius_m", "half_height_m", "legs", "ending", "failsafe",
 )  # fmt: skip
 _PASSING: Final = frozenset({"at", "valid_us", "altitude"})
-"""What differs from one intent to the next though it says the same."""
+"""The fields that differ between intents of equal meaning."""
 
 
 def intent_row(value: Mapping[str, Any], valid_us: int, before: Row | None) -> Row | None:

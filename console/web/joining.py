@@ -22,11 +22,11 @@ class PageMember:
 
     Args:
         connect: joins the federation.
-        feed: what the page looks at.
+        feed: the feed of the page.
         labels: streams that are taken besides those of the map.
         every_us: one period for all streams.
-        origin: what metres are counted from, if a user gave it.
-        tasks: names of what can be delegated, found when the federation has been joined.
+        origin: the origin of metres, if a user gave it.
+        tasks: names of the tasks that can be delegated, found when the federation has been joined.
 
     Attributes:
         failure: why it has ended, if that is an error; `on_failure` is called then.
@@ -63,7 +63,7 @@ class PageMember:
         return done
 
     def close(self) -> None:
-        """End, and what was asked for."""
+        """End the member, and the users' actions under way."""
         self._over.set()
         if self._thread.ident is not None:
             self._thread.join(5.0)

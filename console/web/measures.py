@@ -1,4 +1,4 @@
-"""What is measured in a picture: which platforms are near each other, and how far each monitor is from its alarm."""
+"""Measures of a picture: which platforms are near each other, and how far each monitor is from its alarm."""
 
 import math
 from collections import deque

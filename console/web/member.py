@@ -24,7 +24,7 @@ NONE_THERE: Final = "no platform is there"
 
 @dataclass(slots=True)
 class _UnderWay:
-    """What a user has asked for, between two steps of it."""
+    """A user's action, between two steps of it."""
 
     job: Job[Done]
     done: "Future[Done]"
@@ -41,7 +41,7 @@ def feed_from(
     labels: tuple[str, ...],
     every_us: int | None,
 ) -> None:
-    """Step a recorder for the page until `over` is set; what users do is done in between."""
+    """Step a recorder for the page until `over` is set; users' actions are carried out in between."""
     client.on_trouble = lambda _unit, _why: None
     recorder = Recorder(client, feed, (*MAP_LABELS, *labels), every_us, list_us=LIST_US, is_watched=True)
     under_way = _Wishes(client, wishes)
@@ -59,7 +59,7 @@ def feed_from(
 
 
 class _Wishes:
-    """What users have asked for, step by step among samples and alarms."""
+    """The users' actions, step by step among samples and alarms."""
 
     def __init__(self, client: Client, wishes: "SimpleQueue[Wish]") -> None:
         self._client, self._wishes = client, wishes

@@ -33,7 +33,7 @@ TRAIL_US, TRAIL_POINTS = 1_000_000, 90
 MOST_OTHERS_OF: Final = 8
 """Places where one object may be that are shown."""
 HISTORY: Final = 64
-"""Changes that are kept of what a monitor shows."""
+"""Most kept changes of a monitor's state."""
 _SLOW_M_S: Final = 0.5
 _TOLD: Final = ("", "info", "info", "warning", "bad", "bad")
 _OBJECTS: Final = frozenset({"believed-objects", "object-tracks", "global-objects", "traffic", "vision-percepts"})
@@ -42,12 +42,12 @@ MAP_LABELS: Final = (
     "heli-position", "heli-altitude", "heli-height", "heli-velocity", "heli-attitude", "battery", "heli-home", "camera-view",
     "intent", "assigned-area", "winch-load", "object-identities", *sorted(_OBJECTS - {"vision-percepts"}), *sorted(_SALIENT),
 )  # fmt: skip
-"""What the page takes from platforms that offer it."""
+"""The streams that the page takes from platforms that offer them."""
 
 
 @dataclass(slots=True)
 class _Stream:
-    """The samples of one stream: how many came, and what was shown last."""
+    """The samples of one stream: their number, and the last shown one."""
 
     count: int = 0
     valid_us: int = 0
@@ -76,7 +76,7 @@ class Picture:
     _numbers: int = 0
 
     def take(self, at_us: int, schema: str, message: Mapping[str, Any]) -> None:
-        """A message; what is not as a recorder writes it is passed over."""
+        """Take a message; one that no recorder writes is passed over."""
         self.now_us = max(self.now_us, at_us)
         self._curves.on_time(self.now_us, self._sections["platforms"], self._sections["monitors"])
         match schema:
@@ -115,12 +115,12 @@ class Picture:
         }
 
     def curves(self) -> dict[str, list[list[float]]]:
-        """What monitors measured in the last two minutes, pairs of time and measure."""
+        """The measures of monitors in the last two minutes, pairs of time and measure."""
         return self._curves.points()
 
     @property
     def base(self) -> list[float] | None:
-        """From where metres count: what a user gave, else what the first platform states."""
+        """The origin of metres: the user's, else that of the first platform which states one."""
         found = self.origin or next(iter(self._origins.values()), None)
         return None if found is None else [*found]
 
@@ -187,7 +187,7 @@ class Picture:
             )
 
     def _on_own(self, unit: str, label: str, valid_us: int, value: Mapping[str, Any]) -> None:
-        """What a platform says of itself."""
+        """A platform's statement about itself."""
         match label:
             case "heli-position":
                 if (where := rows.place(value)) is not None:

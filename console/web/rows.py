@@ -1,4 +1,4 @@
-"""What messages of a recording become on the page: rows of short texts and numbers, whatever the message holds."""
+"""Messages of a recording as rows of the page: short texts and numbers, whatever the message holds."""
 
 import math
 from collections.abc import Mapping, Sequence
@@ -112,7 +112,7 @@ def texts(value: object) -> list[str]:
 
 
 def figures(value: object) -> dict[str, Any]:
-    """Values by name: numbers, and texts of what is none."""
+    """Values by name: numbers, and other values as texts."""
     if not isinstance(value, Mapping):
         return {}
     some = [*value.items()][:MOST_PARTS]
@@ -125,7 +125,7 @@ def fields(message: Mapping[str, Any], names: Sequence[str]) -> dict[str, str]:
 
 
 def object_fields(value: Mapping[str, Any]) -> dict[str, Any]:
-    """What is shown of an object, those fields that there are."""
+    """The known fields of an object."""
     known = {key: found for key in _OBJECT_NUMBERS if (found := number(value.get(key))) is not None}
     return {**known, **fields(value, _OBJECT_TEXTS)}
 
@@ -149,7 +149,7 @@ def alarm_row(before: Row | None, message: Mapping[str, Any]) -> Row:
 
 
 def mission_row(by: str, entry: Mapping[str, Any]) -> Row:
-    """A mission as its leader lists it, with what it asks."""
+    """A mission as its leader lists it, with its question."""
     question = entry.get("question")
     asked = None
     if isinstance(question, Mapping):

@@ -1,4 +1,4 @@
-"""What a page looks through: a picture at a time, or, of a federation, that there is none yet."""
+"""The viewers of pages: a picture at a time, or, of a federation, a note that there is none yet."""
 
 import threading
 from collections.abc import Mapping
@@ -12,7 +12,7 @@ LOOKING = "looking for platforms"
 
 
 class PageView(NamedTuple):
-    """What a viewer sees at a time, federation time; `run`: a number that changes when time leaps."""
+    """A viewer's sections at a time, federation time; `run`: a number that changes when time leaps."""
 
     at_us: int
     sections: Sections
@@ -20,14 +20,14 @@ class PageView(NamedTuple):
 
 
 class Past(NamedTuple):
-    """What a page that opens is given of before: where platforms were, and the curves of monitors."""
+    """The past for a page that opens: where platforms were, and the curves of monitors."""
 
     trails: dict[str, list[list[float]]]
     curves: dict[str, list[list[float]]]
 
 
 class Viewer(Protocol):
-    """What one page looks through."""
+    """The interface from one page to its pictures."""
 
     def look(self) -> PageView: ...
     def past(self) -> Past: ...
@@ -66,7 +66,7 @@ class LiveFeed:
         self.more: Mapping[str, Any] = {}
 
     def begin(self, picture: ShownPicture, more: Mapping[str, Any]) -> None:
-        """The member is there: what it takes is shown from now on."""
+        """The member is there: show its picture from now on."""
         with self._lock:
             self._picture, self.more, self._is_changed = picture, more, True
 
@@ -104,6 +104,6 @@ class LiveFeed:
         """Now is now."""
 
     def about(self) -> dict[str, Any]:
-        """What the page says about the whole."""
+        """The page's facts about the whole."""
         base = None if self._picture is None else self._picture.base
         return {"federation": self._federation, "live": True, "trouble": self.trouble, "origin": base, **self.more}

@@ -1,4 +1,4 @@
-"""What users ask for on the page, on its way between the threads of the server and of the member."""
+"""Users' actions on the page, on their way between the threads of the server and of the member."""
 
 from collections.abc import Mapping
 from concurrent.futures import Future
@@ -8,7 +8,7 @@ Done: TypeAlias = Mapping[str, Any]
 
 
 class Wish(NamedTuple):
-    """What a user has asked for, and what becomes of it."""
+    """A user's action, and its result."""
 
     given: Mapping[str, Any]
     done: "Future[Done]"

@@ -127,7 +127,7 @@ WIDEST = 66
 
 
 class UnitError(DyknowError):
-    """No prototype, or more than one, has the name that was asked for, or what should offer it does not load."""
+    """No prototype, or more than one, has the requested name, or its module does not load."""
 
 
 class SourceText(str):
@@ -225,7 +225,7 @@ class Unmade(TextError):
 
 
 class TextErrors(TextError):
-    """Everything that is wrong with one text; the place is that of the first of `errors`."""
+    """All errors of one text; the place is that of the first of `errors`."""
 
     def __init__(self, errors: tuple[TextError, ...]) -> None:
         self.errors = errors
@@ -285,7 +285,7 @@ class RosterError(DyknowError):
 
 
 class SpecificationFailed(DyknowError):
-    """What a platform is to run cannot be read, or is wrong."""
+    """A platform's specification cannot be read, or is wrong."""
 
 
 class SessionFailed(DyknowError):
@@ -317,7 +317,7 @@ def did_you_mean(given: str, known: Sequence[str]) -> str:
 
 
 def raised(name: str, wrong: Exception) -> str:
-    """What code of a user raised, and in which line of it, as far as that is known."""
+    """The exception of a user's code, with its line, as far as that is known."""
     trace = wrong.__traceback__
     while trace is not None and trace.tb_frame.f_globals.get("__name__", "").partition(".")[0] in _OURS:
         trace = trace.tb_next

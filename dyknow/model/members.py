@@ -1,6 +1,6 @@
 """Members: the objects, or the pairs of objects, that a value names.
 
-What is declared once for each member of a stream, or quantified over them, ranges over these.
+Declarations for each member of a stream, and quantifiers, range over these.
 """
 
 import re
@@ -82,7 +82,7 @@ def is_object_name(text: str) -> bool:
 
 
 def object_name(text: str) -> str:
-    """A text as the name of an object: itself, if it is one, else with `_` in the place of what no name has, and cut."""
+    """A text as the name of an object: itself, if it is one, else with `_` in place of other characters, and cut."""
     if is_object_name(text):
         return text
     plain = _OTHER.sub("_", text[: MAX_NAME - 1])

@@ -43,7 +43,7 @@ class SemanticLabel:
     def type_hash(self) -> str:
         """Eight hexadecimal digits that two platforms compare before they exchange the label.
 
-        The meaning of what is built in may be worded better in a later version, and stays the same.
+        The meaning of a built-in label may be worded better in a later version, and stays the same.
         """
         return _hash(self.name, self.sort, "" if self.place == BUILT_IN else f" {self.meaning}")
 
@@ -62,7 +62,7 @@ def _hash(name: str, sort: Sort, meaning: str) -> str:
 
 
 def definition_errors(label: SemanticLabel) -> Iterator[tuple[str, str]]:
-    """What is wrong with a definition, and the repair; it would be refused by every platform."""
+    """The errors of a definition, with repairs; every platform would refuse it."""
     if not LABEL_NAME.fullmatch(label.name):
         yield (
             f"{plain(label.name)} is no semantic label",

@@ -15,7 +15,7 @@ _TEXT: Final = (
     r'"""(?:[^"\\]++|\\.|"(?!""))*+(?:"{3,5}|\Z)|"(?:[^"\\\n]++|\\.)*+"?'
     r"|'''(?:[^']++|'(?!''))*+(?:'{3,5}|\Z)|'[^'\n]*+'?|#[^\n]*+"
 )
-"""A text or a comment, in which digits are no number; one that is not ended goes to the end."""
+"""A text or a comment, in which digits are no number; an unclosed one extends to the end."""
 _TEXTS_AND_LONG_NUMBERS = re.compile(rf"{_TEXT}|(?P<number>{_LONG_NUMBER})", re.DOTALL)
 
 

@@ -45,7 +45,7 @@ class Field(NamedTuple):
 
 @dataclass(frozen=True, slots=True)
 class Sort:
-    """What the values of a stream are: records of `fields`, or, without fields, simple values.
+    """The sort of a stream's values: records of `fields`, or, without fields, simple values.
 
     Of an open sort only the name is known: its values are simple, or tuples of values; or, of one with fields, the first of them:
     declared for a stream it may have more behind these.

@@ -23,10 +23,10 @@ class Owner(Protocol):
     """The knowledge process behind a generator, where there is one that works on demand."""
 
     def on_demand(self) -> None:
-        """The subscriptions of the generator, or what they ask for, have changed."""
+        """The subscriptions of the generator, or their policies, have changed."""
 
     def reach(self, from_us: int | None) -> None:
-        """See to it that the history holds what is valid from `from_us` on, None: all that can be had.
+        """Make the history hold the samples valid from `from_us` on, None: all that can be had.
 
         Raises:
             TooEarly: so much cannot be had; the message says what can.
@@ -91,7 +91,7 @@ class Subscription:
             self._generator.rearrange()
 
     def on_time(self, now_us: int) -> None:
-        """Hand on what the policy owes at `now_us`."""
+        """Hand on the samples that the policy owes at `now_us`."""
         generator = self._generator
         for sample in self.adapter.on_time(now_us):
             try:
@@ -119,7 +119,7 @@ class Generator:
 
     Attributes:
         owner: the process that is notified of demand; None: samples are pushed with or without demand.
-        instant: of its network: what a push brings forth belongs together.
+        instant: of its network: all samples of one push belong together.
         last_us: available time of the last sample.
     """
 
@@ -178,7 +178,7 @@ class Generator:
         self.history.add(Sample(self.last_us, valid_us, value, quality))
 
     def succeed(self) -> None:
-        """Another process takes over: what its predecessor made until now stays as it is."""
+        """Another process takes over: the samples until now stay as they are."""
         self._closed_us = self.last_us
 
     def reset(self) -> None:
@@ -188,13 +188,13 @@ class Generator:
         self._beginning = {}
 
     def prepare(self, from_us: int) -> int:
-        """Hold as much as can be had of what is valid from `from_us` on; the time from which on that is all."""
+        """Make the history reach back to `from_us` as far as possible; returns since when it is complete."""
         if self.owner is not None:
             self.owner.reach(max(from_us, self.owner.since_us()))
         return max(from_us, self.since_us)
 
     def past(self, from_us: int) -> list[Sample]:
-        """What is valid from `from_us` on and came already, as it came.
+        """The samples valid from `from_us` on that have come already, in the order in which they came.
 
         Raises:
             TooEarly: not all of it is held; the message names the earliest time from which it is.
@@ -224,7 +224,7 @@ class Generator:
     def subscribe(
         self, policy: Policy | PolicyAdapter, consumer: Consumer, on_end: Callable[[], None] | None = None
     ) -> Subscription:
-        """A stream of what is pushed from now on; `on_end` is called when the generator is removed.
+        """A stream of samples pushed from now on; `on_end` is called when the generator is removed.
 
         Subscriptions of one policy that begin with the same sample are one stream: they share its adapter.
         """
@@ -260,7 +260,7 @@ class Generator:
 
     @property
     def wanted(self) -> Grid | None:
-        """The coarsest grid on which every valid time lies that a subscriber can take; None: all that there are.
+        """The coarsest grid with every valid time that a subscriber can take; None: all times.
 
         Until a subscriber has got its first sample its grid is unknown, unless its policy says so.
         """

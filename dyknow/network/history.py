@@ -1,4 +1,4 @@
-"""What a stream generator remembers of its stream (thesis 5.3.2; the queries of 4.3.2)."""
+"""The history of a stream generator (thesis 5.3.2; the queries of 4.3.2)."""
 
 from bisect import bisect_left, bisect_right
 
@@ -178,7 +178,7 @@ class History:
     def _ordered(self) -> tuple[list[Sample], int, int]:
         """A list and the part of it that holds our samples by (valid, available) time."""
         samples, start = self._samples, self._start
-        if self._disorder <= self._base + start:  # what came out of order is forgotten
+        if self._disorder <= self._base + start:  # samples out of order are forgotten
             return samples, start, len(samples)
         if self._sorted is None:
             self._sorted = sorted(samples[start:], key=_valid_us)  # stable: equals stay by available time

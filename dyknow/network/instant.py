@@ -1,7 +1,7 @@
-"""Instants of a network: what one push brings forth is one element of every join (Def. 4.3.16, 4.5.8).
+"""Instants of a network: the samples of one push are one element of every join (Def. 4.3.16, 4.5.8).
 
 A unit with several inputs is called once they all have what the instant brings, however many of them go back to one
-source and over how many units: units upstream come first. What a worker makes of it comes in a later instant. Of units
+source and over how many units: units upstream come first. The output of a worker comes in a later instant. Of units
 that have all they need the one of the highest priority is called first (5.3).
 """
 
@@ -20,7 +20,7 @@ class Joining(Protocol):
 
     @property
     def rank(self) -> int:
-        """How many units, at most, lie between a source and what it makes."""
+        """The largest number of units between a source and its output."""
 
     @property
     def arity(self) -> int:
@@ -31,7 +31,7 @@ class Joining(Protocol):
         """Of units that can be called the highest is called first."""
 
     def on_instant(self) -> None:
-        """All that this instant brings has come."""
+        """All samples of this instant have come."""
 
 
 class Instant:
@@ -41,8 +41,8 @@ class Instant:
         joins: how many units with several inputs, or of a priority, are at work; without one nothing waits.
         priorities: how many units of a priority are at work; without one a unit of one input does not wait.
         is_open: whether more may come.
-        contain: takes what raised, the label of its stream and what it raised; for how long it is left out, in us. None:
-            whatever a consumer or unit raises is raised by the push.
+        contain: takes the raiser, the label of its stream and the exception; returns for how long it is left out, in
+            us. None: the push raises the exceptions of consumers and units.
     """
 
     __slots__ = ("_come", "_waiting", "contain", "is_open", "joins", "priorities")
@@ -81,7 +81,7 @@ class Instant:
             self.is_open = False
 
     def _taken(self) -> Joining:
-        """What nothing that waits can bring more for, the highest priority first; it waits no more."""
+        """The unit to call next, taken out: no waiting unit can bring it more inputs, the highest priority first."""
         waiting = self._waiting
         least = min(waiting)
         if self.priorities:

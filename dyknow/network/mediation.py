@@ -180,7 +180,7 @@ class Mediation(Relay):
         proxy.want(self._grid)
 
     def _replay(self, until_us: int) -> None:
-        """Pass on what the members brought in the past before `until_us`."""
+        """Pass on the members' samples in the past before `until_us`."""
         passed = bisect_left(self._past, until_us, key=lambda each: each[0])
         for _, member, sample in self._past[:passed]:
             self._pass(self._member(member).label, sample)
@@ -192,7 +192,7 @@ class Mediation(Relay):
 
 
 class Heard:
-    """What is known of one of several producers: when it was heard last, and since when without a silence."""
+    """The state of one of several producers: when it was heard last, and since when without a silence."""
 
     __slots__ = ("last_us", "recent", "since_us")
 
@@ -201,7 +201,7 @@ class Heard:
         self.last_us = self.since_us = -EVER
 
     def note(self, sample: Sample, silence_us: int) -> None:
-        """A sample counts if it has a value and is newer than what came before."""
+        """A sample counts if it has a value and is newer than the sample before."""
         if sample.value is NO_VALUE or (self.recent and sample.valid_us <= self.recent[-1].valid_us):
             return
         if sample.available_us - self.last_us > silence_us:
@@ -215,9 +215,9 @@ class Failover(Relay):
 
     A producer is silent when it has had no new value for its `sample every` and its `max delay` together, `PATIENCE_US`
     each where it declares none. When the one in use is silent the first of the others takes over, beginning with the
-    samples that it brought meanwhile; no valid time is passed on again. One that is preferred to the one in use comes back when it has been heard
-    for `RETURN` such times without a silence. No other sample takes a stream over, whatever is in it: one that is valid
-    further ahead than that time is refused.
+    samples that it brought meanwhile; no valid time is passed on again. A preferred producer comes back when it has
+    been heard for `RETURN` such times without a silence. No other sample takes a stream over, whatever is in it: a
+    sample valid further ahead than that time is refused.
 
     Attributes:
         used: the input in use, counted from 0; None: all are silent.
@@ -310,7 +310,7 @@ class Failover(Relay):
             self._use(chosen, now_us)
 
     def _use(self, chosen: int | None, now_us: int) -> None:
-        """Another producer from now on, and what it brought while the one before was silent."""
+        """Use another producer from now on, and its samples while the one before was silent."""
         self.used, self._after_us = chosen, self._passed_us
         if self._network is not None and self._generator is not None and not self._in_past:
             self._network.on_producer(self._generator.label, None if chosen is None else self._wanted[chosen].label)

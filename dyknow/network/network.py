@@ -28,7 +28,7 @@ class Network:
 
     Attributes:
         calls: of slow units, in workers, where there are any.
-        instant: what belongs to one push.
+        instant: the samples of one push.
     """
 
     __slots__ = (
@@ -154,11 +154,11 @@ class Network:
         return self._add(Generator(label, sort, getattr(process, "remembers", None) or self._history), process)
 
     def replace_process(self, label: Label, sort: Sort, process: Process | None) -> Generator:
-        """Let another process feed a generator; subscriptions, order and history stay. None: what is pushed.
+        """Let another process feed a generator; subscriptions, order and history stay. None: samples are pushed.
 
         Raises:
             UnknownLabel: no generator carries `label`.
-            SortError: what the new process makes is of another sort.
+            SortError: the output of the new process is of another sort.
         """
         generator = self.generator(label)
         if generator.sort != sort:
@@ -176,7 +176,7 @@ class Network:
         return self._processes.get(label)
 
     def snapshot(self, label: Label) -> History:
-        """The history of a stream, for the queries of 5.3.2; what is made on demand only is made for it.
+        """The history of a stream, for the queries of 5.3.2; a stream on demand is computed for it.
 
         Raises:
             UnknownLabel: no generator carries `label`.
@@ -254,7 +254,7 @@ class Network:
         return tuple(self._generators)
 
     def on_time(self, now_us: int) -> None:
-        """Hand on what is owed at `now_us`. A source that is read gives one sample: call while something is due."""
+        """Hand on the samples owed at `now_us`. A source that is read gives one sample: call while something is due."""
         self.now_us = now_us
         with self.instant.whole():
             self._timed.on_time(now_us)
@@ -298,7 +298,7 @@ class Network:
         self._waiting.setdefault(proxy.label, []).append(proxy)
 
     def recall(self, label: Label | None = None) -> None:
-        """What `resolve` makes can be made from now on: clients that wait for it, or for anything, are served."""
+        """The generators of `resolve` can be made now: serve clients that wait for this label, or for any."""
         for each in tuple(self._waiting):
             if label is None or each == label:
                 self.find(each)
@@ -364,7 +364,7 @@ class Network:
         return self.add_process(label, *found)
 
     def _make_room(self, label: Label) -> None:
-        """What is there because it was asked for gives way to what is declared, which its subscribers then get."""
+        """Remove the implicit generator of `label`; its subscribers move to the declared one."""
         if label in self._generators:
             if label not in self._implicit:
                 raise LabelAlreadyExists(str(label))
@@ -403,5 +403,5 @@ class Network:
 
 
 def _stem(label: Label) -> Label:
-    """Of what a label can be an attribute."""
+    """The label whose attribute this label may be."""
     return Label(label.feature.rpartition(".")[0], label.objects)

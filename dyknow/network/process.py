@@ -30,7 +30,7 @@ class TimedProcess(Protocol):
 
 
 class Outcome(NamedTuple):
-    """What a computational unit made, in order, and what it raised."""
+    """The outputs of a computational unit, in order, and its exceptions."""
 
     outputs: tuple[Sample, ...] = ()
     faults: tuple[str, ...] = ()
@@ -83,7 +83,7 @@ class CallsApart:
         return self._started
 
     def abandon(self, number: int) -> None:
-        """What comes of that work is of no use."""
+        """The results of that work are of no use."""
         self._processes.pop(number, None)
 
     def on_computed(self, number: int, outcome: Outcome, took_us: int, now_us: int) -> None:

@@ -21,10 +21,10 @@ MAX_FAULT = 200
 
 
 class OnDemand:
-    """What the processes have in common; each says what it takes (`inputs`) and does (`begin`, `on_sample`, `end`).
+    """The common part of processes; each states its inputs (`inputs`) and its work (`begin`, `on_sample`, `end`).
 
     A process that begins with a past sees it as if it had been there then: samples of all inputs in the order in which
-    they became available, at one instant in the order of the inputs. What it makes of them goes to the history of its generator.
+    they became available, at one instant in the order of the inputs. Their outputs go to the history of its generator.
 
     Attributes:
         proxies: its input streams; none while it is dormant.
@@ -42,7 +42,7 @@ class OnDemand:
         self._wanted_grid: Grid | None = None
         self._since_us = EVER_US
 
-    # What a process is
+    # Inputs and work of a process
 
     def inputs(self) -> Sequence[Input]:
         """The streams it takes now; none, unless it says so."""
@@ -52,10 +52,10 @@ class OnDemand:
         """Forget everything: nothing has come yet."""
 
     def on_sample(self, i: int, sample: Sample) -> None:
-        """Input `i`, counted from 0, has a new sample; call `emit` for what comes of it."""
+        """Input `i`, counted from 0, has a new sample; call `emit` for outputs."""
 
     def on_instant(self) -> None:
-        """All that came at one instant has been taken."""
+        """All samples of one instant have been taken."""
 
     def end(self) -> None:
         """Hold nothing."""
@@ -125,7 +125,7 @@ class OnDemand:
             wanted = self._generator.wanted
             self._settling = wanted is None and any(s.adapter.settling for s in self._generator.subscriptions)
             before, self._confined = self._confined, self.want(wanted)
-            if before and wanted != self._wanted_grid:  # what was computed until now is not all there is
+            if before and wanted != self._wanted_grid:  # the samples computed until now are incomplete
                 self._since_us = max(self._since_us, self._now_us())
             self._wanted_grid = wanted
 
@@ -215,7 +215,7 @@ class OnDemand:
         return max(newest_us) - self.history_us if newest_us else None
 
     def _now_us(self) -> int:
-        """What was valid before is unknown to a process that begins just now."""
+        """Earlier samples are unknown to a process that begins just now."""
         return max(map(self._beginning_us, self.taken()), default=EVER_US)
 
     def _beginning_us(self, label: Label) -> int:

@@ -1,4 +1,4 @@
-"""Knowledge process prototypes: what computational units and sources are made from (thesis 5.3.1).
+"""Knowledge process prototypes of computational units and sources (thesis 5.3.1).
 
 Users write them as functions and classes:
 
@@ -14,7 +14,7 @@ Users write them as functions and classes:
 
 A sort is a name, or a `Sort` with its unit or fields, `Sort("gas", unit="ppm")`: then values are checked.
 
-What a class takes when it is made are its settings; `variant` makes a prototype of its own of other settings:
+The parameters of a class are its settings; `variant` makes a prototype of its own of other settings:
 
     smooth_speed = variant(MovingAverage, "SmoothSpeed", "speed", "speed", seconds=2.0)
 """
@@ -61,7 +61,7 @@ class UnitPrototype:
         supports: whether it can provide its output under a policy.
         priority: of units that have something to do at the same time the one with the higher number is first.
         elsewhere: the process over these inputs, under an output policy, where another host runs it (5.3).
-        checked_sorts: what the values of those of its sorts are that were declared with units or fields.
+        checked_sorts: the values of those of its sorts that were declared with units or fields.
         cost_us: how long a call takes. In simulated time it takes that long, None: no time. On a platform one that
             takes above `SLOW_US` runs in a worker, and so does None until calls have shown to be faster.
     """
@@ -113,7 +113,7 @@ class SourcePrototype:
         read: from a time on, its samples, ordered by valid time; None: samples are pushed from outside.
         label: of the stream generator that a host registers for it, `self` for the unit; empty: specifications say.
         elsewhere: the process, where another host runs it (5.3).
-        checked_sorts: what its values are, if the sort was declared with a unit or fields.
+        checked_sorts: its values, if the sort was declared with a unit or fields.
     """
 
     name: str
@@ -132,7 +132,8 @@ Prototype: TypeAlias = UnitPrototype | SourcePrototype
 
 
 class SampleUnit(Protocol):
-    """What `computational_unit` decorates: called with the time and the last sample of each input, once all are there.
+    """The interface under `computational_unit`: called with the time and the last sample of each input, once all are
+    there.
 
     Where it does not need all, it is called before that, too, with None (no_sample) for an input that has none yet.
     It returns a value, which is valid at the latest valid time of its inputs (P7), a `Sample`, a list of them, such as the
@@ -249,7 +250,7 @@ def _name(sort: str | Sort) -> str:
 
 
 def _checked(*sorts: str | Sort) -> tuple[Sort, ...]:
-    """Those that say what their values are, or what they begin with."""
+    """The sorts that declare their values, or the first of them."""
     return tuple(sort for sort in sorts if isinstance(sort, Sort) and (sort.fields or not sort.is_open))
 
 

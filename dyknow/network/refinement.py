@@ -1,7 +1,8 @@
 """Computational units as processes: called on the spot while that is fast, else in a worker (Def. 4.3.15, 4.5.8).
 
-What a unit makes is available when the unit has finished (3.2). On a platform the time that a call takes is measured.
-In simulated time it is what the prototype declares, and a unit works on one element of its join after the other.
+The output of a unit is available when the unit has finished (3.2). On a platform the time that a call takes is
+measured. In simulated time it is what the prototype declares, and a unit works on one element of its join after the
+other.
 """
 
 from collections import deque
@@ -27,7 +28,7 @@ SLOW_US: Final = 5_000
 SHOWN: Final = 3
 """Fast calls in a row after which a unit is taken for fast."""
 LATE_US: Final = US_PER_S
-"""What has waited longer for its unit, and is not the newest, is dropped."""
+"""An element that has waited longer for its unit, and is not the newest, is dropped."""
 STUCK_US: Final = 10 * US_PER_S
 MAX_WAITING: Final = 64
 
@@ -68,7 +69,7 @@ class WaitingElement(NamedTuple):
 
 
 class RefinementProcess(OnDemand):
-    """A computational unit over streams (Def. 4.3.15, 4.5.8). What a unit raises is reported and ends nothing.
+    """A computational unit over streams (Def. 4.3.15, 4.5.8). Exceptions of a unit are reported and end nothing.
 
     With an `output` policy, one without approximation, what the unit makes is adapted to it first.
 
@@ -162,7 +163,7 @@ class RefinementProcess(OnDemand):
             self._report(self._unit.make())
 
     def _forget(self) -> None:
-        """What waits, and what is under way, is of no use."""
+        """Elements that wait, and the call under way, are of no use."""
         if self._number and self._network is not None:
             self._network.calls.abandon(self._number)
         self._number, self._due = 0, None
@@ -236,7 +237,7 @@ class RefinementProcess(OnDemand):
             network.step(self)
 
     def _hand_on(self, output: Sample, now_us: int) -> None:
-        """What the unit made is available now."""
+        """Hand on the unit's output, available now."""
         generator = self._generator
         if generator is None or self._unit is None:
             return
@@ -258,7 +259,7 @@ class RefinementProcess(OnDemand):
     # Calls that take time
 
     def _wait(self, came: WaitingElement) -> None:
-        """Let the unit have it when it has finished; what is late is dropped, and not queued."""
+        """Let the unit have it when it has finished; late elements are dropped, and not queued."""
         self._waiting.append(came)
         if not self._is_busy:
             self._next(came.available_us)
@@ -338,7 +339,7 @@ class RefinementProcess(OnDemand):
         self._report(outcome.faults)
         self._ended_us = now_us
         if self._network is not None:
-            self._network.instant.put(self)  # what comes at this instant is there before the next call
+            self._network.instant.put(self)  # samples of this instant come before the next call
 
 
 def _work(unit: UnitAtWork, taken: Sequence[WaitingElement]) -> Work:

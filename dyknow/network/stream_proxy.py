@@ -28,11 +28,11 @@ class ProxyNetwork(Protocol):
 
 
 class StreamProxy:
-    """What is known of the producer is its label: when the generator is removed the client is notified, and when a generator
-    carries the label again samples flow again, in the order and on the grid they had.
+    """It knows the label of its producer only: when the generator is removed the client is notified, and when a
+    generator carries the label again samples flow again, in the same order and on the same grid.
 
     Attributes:
-        policy: what the client wants.
+        policy: the client's constraints.
         backlog: samples of the past, if the stream began there; the client takes them with `take_backlog`.
         stretched: how many times longer its sample period is than it was declared (10.7).
         current: whenever it is linked it begins with the newest sample that it would have had already.
@@ -74,8 +74,8 @@ class StreamProxy:
         return self._adapter
 
     def link(self, generator: Generator, from_us: int | None = None, after_us: int | None = None) -> None:
-        """A generator carries the label; with `from_us` the stream begins with what it holds from there on, with
-        `after_us` without what was available then.
+        """A generator carries the label; with `from_us` the stream begins with its held samples from there on, with
+        `after_us` without those available then.
 
         Raises:
             ValueNotAvailable: it does not reach back so far.
@@ -146,7 +146,7 @@ class StreamProxy:
             self._network.watch(self._subscription)
 
     def _starved(self) -> None:
-        """Reported with the faults: what flows is as the policy says, and hardly what is meant."""
+        """Report a stream that satisfies its policy, but has hardly any samples."""
         period = print_duration(self._adapter.policy.sample_us or 0)
         self._network.on_fault(
             self.label,

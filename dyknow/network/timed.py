@@ -1,4 +1,4 @@
-"""What a network calls by time: streams whose policies owe samples, and processes that make some by themselves."""
+"""The timers of a network: streams whose policies owe samples, and processes that make some by themselves."""
 
 from dyknow.network.instant import Instant
 from dyknow.network.process import FAR_US, TimedProcess
@@ -7,7 +7,7 @@ MANY = 64
 
 
 class TimedProcesses:
-    """Each is called at its deadlines, until it has none; one that raises is left out for a while where that is contained."""
+    """Each is called at its deadlines; after an exception it is left out for a while if exceptions are contained."""
 
     __slots__ = ("_enough", "_instant", "_resting", "_timed")
 

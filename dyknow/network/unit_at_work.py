@@ -13,7 +13,7 @@ NOTHING_MADE: Final = Outcome()
 
 
 class UnitAtWork:
-    """One instance of a unit, for one thread at a time. What it raises is a fault, and ends nothing.
+    """One instance of a unit, for one thread at a time. Its exceptions are faults, and end nothing.
 
     Attributes:
         unit: the instance, once it is made.

@@ -1,4 +1,4 @@
-"""Streams of objects that are there while they are wanted: the domain of a stream of object states, and what is known of one object.
+"""Streams of objects, made on demand: the domain of a stream of object states, and the features of one object.
 
 Of the stream `cars` there are `cars.objects`, the set of those that are there, `cars[car1]`, the states of one of them, and
 `cars.colour[car1]`, one attribute. `colour[car1]` is that attribute from whichever stream has the object; `type[car1]` is
@@ -23,12 +23,12 @@ OBJECTS: Final = "objects"
 """After the name of a stream of object states: the domain of its objects."""
 TYPE: Final = "type"
 REMEMBERED: Final = 64
-"""Samples that are kept of a domain, and of what is known of one object: there may be thousands of them."""
+"""Most samples kept of a domain, and of a feature of one object: there may be thousands of them."""
 
 View: TypeAlias = Callable[[Value], Value]
-"""What is wanted of an object state."""
+"""The wanted part of an object state."""
 ViewOf: TypeAlias = Callable[[Sort], tuple[Sort, View] | None]
-"""What is wanted of the states of a sort; None: they do not have it."""
+"""The wanted part of the states of a sort; None: they do not have it."""
 _NONE: Final[Mapping[str, ViewOf]] = MappingProxyType({})
 
 
@@ -36,7 +36,7 @@ class ObjectStreams:
     """Makes them, for one network: `find` is asked for labels that no generator carries.
 
     Args:
-        quantities: what can be made of object states besides their attributes, by the name of a feature of one object.
+        quantities: features made of object states besides their attributes, by the name of a feature of one object.
         is_other: whether a name is that of something else, such as a unit of the federation.
     """
 
@@ -104,7 +104,7 @@ class ObjectStreams:
         return found
 
     def renew(self, name: str) -> None:
-        """What bears a name has changed: make again what is there on demand of it."""
+        """The object of a name has changed: make its streams on demand again."""
         self._remake(label for label in self._network.labels() if name in label.objects)
 
     def _remake(self, labels: Iterable[Label]) -> None:
@@ -115,7 +115,7 @@ class ObjectStreams:
         network.recall()
 
     def _views(self, stream: str, attribute: str) -> list[tuple[ObjectTable, tuple[Sort, View]]]:
-        """What a label that names the stream means."""
+        """The tables and views that a label with the stream's name refers to."""
         table = self.table(Label(stream)) if stream else None
         if table is None:
             return []
@@ -165,15 +165,15 @@ class ObjectProcess(OnDemand):
         return [table.label for table in self.tables]
 
     def since_us(self) -> int:
-        """What was before is not kept."""
+        """Earlier samples are not kept."""
         return super().since_us() if self.running or self._network is None else self._network.now_us
 
 
 class DomainStream(ObjectProcess):
     """The objects of one stream: a sample whenever some appear or vanish, valid since then.
 
-    What appears in one instant is in one sample. Valid times never go back: a change that becomes known late counts from the
-    newest one.
+    Objects that appear in one instant are in one sample. Valid times never go back: a change that becomes known late
+    counts from the newest one.
     """
 
     arity, priority = 1, 0
@@ -222,10 +222,10 @@ class DomainStream(ObjectProcess):
 
 
 class ObjectFeature(ObjectProcess):
-    """What is wanted of the states of one object, from the first of several streams that has it.
+    """A part of the states of one object, from the first of several streams that has it.
 
     Args:
-        sources: the streams that may have the object, and what is wanted of a state.
+        sources: the streams that may have the object, with the view of a state.
     """
 
     def __init__(self, symbol: str, sources: Sequence[tuple[ObjectTable, View]]) -> None:

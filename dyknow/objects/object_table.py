@@ -95,10 +95,10 @@ class ObjectTable:
         if not self._on_change and not self._on_state:
             self._rest()
 
-    # What the stream says
+    # Samples of the stream
 
     def _begin(self) -> None:
-        """Take the stream, and learn from what it holds which objects are there."""
+        """Take the stream, and learn from its held samples which objects are there."""
         if self.proxy is not None:
             return
         network = self._network
@@ -136,7 +136,7 @@ class ObjectTable:
             return
         self.newest[symbol] = sample if known is None or sample.valid_us >= known.valid_us else known
         self._hand_on(symbol, sample)
-        if known is None:  # those that follow it from now on are given its newest state
+        if known is None:  # followers from now on get its newest state
             self._tell(ObjectChange(sample.valid_us, symbol, appeared=True), sample.available_us)
 
     def _hand_on(self, symbol: str, sample: Sample) -> None:

@@ -1,4 +1,4 @@
-"""Policies: what a subscriber wants of a stream, and how samples are filtered to satisfy it (thesis 4.4, 4.5).
+"""Policies: a subscriber's constraints on a stream, and the filters that satisfy them (thesis 4.4, 4.5).
 
-One adapter enforces one constraint. What is dropped is counted by reason.
+One adapter enforces one constraint. Dropped samples are counted by reason.
 """

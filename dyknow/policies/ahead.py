@@ -14,7 +14,8 @@ _AREAS: Final = ("xx_m2", "yy_m2")
 
 
 def moved_on(sample: Sample, sort: Sort, ahead_us: int) -> Sample | None:
-    """The state `ahead_us` later, predicted; one that lies ahead of when it came as it is. None: no place or no velocity.
+    """The state `ahead_us` later, predicted; a state valid after its arrival stays as it is. None: no place or no
+    velocity.
 
     With `v_sd_m_s`, the standard deviation of the velocity, what is known of the place becomes as much vaguer.
     """

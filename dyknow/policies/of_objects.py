@@ -1,4 +1,4 @@
-"""One policy for a stream about many objects: what it says holds of the states of each object by themselves (Def. 8.5.2)."""
+"""One policy for a stream about many objects: it holds for the states of each object by themselves (Def. 8.5.2)."""
 
 from dataclasses import replace
 from typing import Final
@@ -16,9 +16,9 @@ MOST_OBJECTS: Final = 4096
 class ObjectAdapter(PolicyAdapter):
     """Adapts a stream of object states.
 
-    Objects are seen at times of their own: with `sample every` each has one state at most in each period, with its own valid
-    time, or one of each branch of that time, and nothing is approximated. What is to be predicted is moved on with its own
-    velocity. The last state of an object, whose `end` is true, always passes.
+    Objects are seen at times of their own: with `sample every` each has one state at most in each period, with its own
+    valid time, or one of each branch of that time, and nothing is approximated. A state to be predicted is moved on
+    with its own velocity. The last state of an object, whose `end` is true, always passes.
 
     Args:
         before: continue a stream that was adapted until now.

@@ -1,4 +1,4 @@
-"""Policies: what a stream must be like for its subscriber (thesis, Def. 4.4.8 to 4.4.13, 4.5.11)."""
+"""Policies: the constraints of a subscriber on its stream (thesis, Def. 4.4.8 to 4.4.13, 4.5.11)."""
 
 import re
 from dataclasses import dataclass, replace
@@ -71,17 +71,17 @@ class Policy:
         from_us: first valid time of interest, `to_us` the last, both inclusive; None is no bound. Either may be an
             `RelativeInstant` from the moment of declaration until `at` knows when that was.
         order: relation of valid times of successive samples.
-        approximation: what may stand in for a missing sample. `most recent` needs `sample`, `from_us` and
-            `max_delay_us`, so that it is known what is missing, and when; `linear` needs `sample`.
+        approximation: the replacement of a missing sample. `most recent` needs `sample`, `from_us` and `max_delay_us`,
+            so that it is known what is missing, and when; `linear` needs `sample`.
         exact: `no approximation` was given, by itself: the stream is the same, but a state has no other values
             of it (7.8.2), where it would have the most recent one.
         delay_before_us: of state streams: how long to wait before an approximation is used (7.8.2).
-        max_age_us: of state streams: what was observed longer before the state is no value there; what is predicted
-            was observed when it was made. None is no limit.
+        max_age_us: of state streams: a value observed longer before the state is none there; a prediction was observed
+            when it was made. None is no limit.
         min_certainty: samples are right with at least this probability, in [0, 1]; None is no limit (12.3).
         max_deviation: no component has a greater standard deviation, in its unit; None is no limit (12.3).
         predict_us: values so long after each sample, on the straight line through it and the one before; each is valid
-            then, and marked as predicted. What is predicted already stays as it is (12.3).
+            then, and marked as predicted. A predicted sample stays as it is (12.3).
         prediction_age_us: a predicted sample that was made longer ago when it comes is dropped; None is no limit (12.3).
         importance: which streams are to suffer last when there is too much to do; does not affect the samples.
 
@@ -129,7 +129,8 @@ class Policy:
             object.__setattr__(self, "order", "strict")
 
     def content_hash(self) -> str:
-        """8 hexadecimal digits of the canonical text, without what does not affect samples: equal streams, equal keys.
+        """8 hexadecimal digits of the canonical text, without parts that do not affect samples: equal streams, equal
+        keys.
 
         Raises:
             PolicyError: it has a time relative to its declaration, which means another stream at another time.

@@ -44,15 +44,16 @@ class Grid(NamedTuple):
 class PolicyAdapter:
     """The stream of one subscription. Call `on_sample` as samples arrive, `on_time` at `deadline_us`.
 
-    What comes out satisfies the policy, with available times that are strictly increasing: a tie is moved by 1 us,
-    after the maximum delay was checked. Exact samples leave when they arrive. `use most recent` owes a sample for
-    every grid point from the first call on: a missing one is approximated at valid time + max delay, and exact samples
-    after it wait until then, because a sampled stream is strictly ordered. So each grid point comes out once, in order
-    and within its delay; if the caller is late, it is handed on late, but is the sample that the policy says: value and
-    available time are those of the instant at which it was due. `use linear` interpolates a missing grid point when the sample after it arrives.
+    The output satisfies the policy, with available times that are strictly increasing: a tie is moved by 1 us, after
+    the maximum delay was checked. Exact samples leave when they arrive. `use most recent` owes a sample for every grid
+    point from the first call on: a missing one is approximated at valid time + max delay, and exact samples after it
+    wait until then, because a sampled stream is strictly ordered. So each grid point comes out once, in order and
+    within its delay; if the caller is late, it is handed on late, but is the sample that the policy says: value and
+    available time are those of the instant at which it was due. `use linear` interpolates a missing grid point when the
+    sample after it arrives.
 
     Attributes:
-        on_sample: `(sample, now_us) -> list[Sample]`: what the subscriber gets now, often nothing.
+        on_sample: `(sample, now_us) -> list[Sample]`: the subscriber's samples now, often none.
         gaps: how often grid points are missing between two successive samples of the stream.
         on_starved: called once, when nearly all that comes lies off the grid.
     """
@@ -133,7 +134,7 @@ class PolicyAdapter:
         self._all, self._confined_to = self.on_sample, (1, 0)
 
     def on_time(self, now_us: int) -> list[Sample]:
-        """What is due at `now_us`; more often than at `deadline_us` is harmless."""
+        """The samples due at `now_us`; more often than at `deadline_us` is harmless."""
         return [] if self._owed is None else self._on_grid(self._settle(self._owed, now_us, now_us))
 
     def confine(self, grid: Grid | None) -> None:
@@ -147,7 +148,7 @@ class PolicyAdapter:
             self._confined_to, self.on_sample = (grid.period_us, grid.anchor_us), self._confined
 
     def replay(self, samples: Iterable[Sample], from_us: int, now_us: int) -> list[Sample]:
-        """What this stream would have given until now, had it been there from `from_us` on; timers included."""
+        """The samples of this stream until now, had it been there from `from_us` on; timers included."""
         if self._owed is not None:
             self._owed.listen(max(from_us, now_us - MAX_REPLAYED * self._period_us))
         found: list[Sample] = []
@@ -210,7 +211,7 @@ class PolicyAdapter:
 
     @property
     def needed(self) -> Grid | None:
-        """Only samples on this grid, which has an anchor, make a difference to what comes out; None: all do."""
+        """Only samples on this grid, which has an anchor, make a difference to the output; None: all do."""
         policy = self.policy
         if policy.approximation != "none" or policy.predict_us is not None:
             return None
@@ -228,7 +229,7 @@ class PolicyAdapter:
         return Counter({reason: count for reason, count in counts.items() if count})
 
     def _good(self, sample: Sample, now_us: int) -> list[Sample]:
-        """What is too uncertain is as if it had not come."""
+        """Treat an uncertain sample as if it had not come."""
         quality = sample.quality
         if quality.certainty < self._least_certainty or quality.deviation > self._most_deviation:
             self._uncertain += 1
@@ -311,7 +312,7 @@ class PolicyAdapter:
         self._previous = sample
         found: list[Sample] = []
         period_us, anchor_us = self._period_us, self._anchor_us
-        available_us = max(now_us, sample.available_us)  # not before what it is made of (P4)
+        available_us = max(now_us, sample.available_us)  # not before its inputs (P4)
         if previous is not None:
             first_us = max(
                 previous.valid_us + 1, self._from_us, now_us - self._max_delay_us, valid_us - CATCH_UP * period_us
@@ -332,7 +333,7 @@ class PolicyAdapter:
         assert owed is not None  # noqa: S101  (this method is bound only where there is one)
         found = self._settle(
             owed, now_us, now_us - 1
-        )  # what was due before this sample came; at one instant inputs are first
+        )  # samples due before this one came; at one instant inputs are first
         valid_us = sample.valid_us
         if not self._from_us <= valid_us <= self._to_us:
             self._outside += 1
@@ -394,7 +395,7 @@ class _Owed:
         self.upcoming.advance(self.next_us)
 
     def take_over(self, before: "_Owed") -> None:
-        """Continue where another ended, with what it knew."""
+        """Continue where another ended, with its state."""
         self.upcoming, self.listening = before.upcoming, before.listening
         behind_us = before.next_us - self.next_us
         if behind_us > 0:

@@ -1,10 +1,10 @@
-"""Many state streams over one time grid that have inputs in common: what they share is kept once and looked at once.
+"""Many state streams over one time grid that have inputs in common: shared inputs are kept once and looked at once.
 
 Every pair that a platform watches needs the platform's own position. Where all inputs are sampled with the period of
 the states and only exact values count, the algorithm of thesis 7.8.2 comes down to this: a state is ready as soon as
 each of its inputs has brought a sample valid at or after the synchronisation point, at the latest `max_delay_us` after
-it. So it is enough to know up to when all the shared inputs are known, and all those of one strand. What comes out is
-what a `Synchronizer` for each stream puts out.
+it. So it is enough to know up to when all the shared inputs are known, and all those of one strand. The output equals
+that of a `Synchronizer` for each stream.
 """
 
 from collections.abc import Callable, Hashable, Iterable, Sequence
@@ -22,7 +22,7 @@ K = TypeVar("K", bound=Hashable)
 
 
 class _Side:
-    """What has come of some inputs.
+    """The samples of some inputs.
 
     Attributes:
         known_us: all of them are known up to here.
@@ -126,7 +126,7 @@ class SharedSynchronizer(Generic[K]):
         return len(self._strands)
 
     def add(self, key: K, inputs: int) -> Strand[K]:
-        """One more stream, with `inputs` inputs of its own. What came before is not for it."""
+        """One more stream, with `inputs` inputs of its own. Earlier samples are not for it."""
         strand = self._strands[key] = self._idle[key] = Strand(key, inputs, self._shared.latest_us, self._period_us)
         self._hidden_us = max(self._hidden_us, strand.hidden_us)
         return strand
@@ -193,7 +193,7 @@ class SharedSynchronizer(Generic[K]):
         return False
 
     def _begin(self, strand: Strand[K], sample: Sample, now_us: int) -> None:
-        """With the first sample; what was due by then had no listener."""
+        """Begin with the first sample; states due by then had no listener."""
         del self._idle[strand.key]
         strand.sync_us = -(-sample.valid_us // strand.step_us) * strand.step_us
         self._skip(strand, now_us, 0)

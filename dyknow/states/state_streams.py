@@ -34,13 +34,14 @@ class StateStreamProcess(OnDemand):
     """A process whose values are states: tuples of the values of its inputs, in their order, as certain as those together.
 
     Args:
-        max_age_us: what was observed longer before a state is no value there; a prediction was observed when it was made.
+        max_age_us: a value observed longer before a state is none there; a prediction was observed when it was made.
 
     Attributes:
         recent: the last states, each with how its values were obtained.
 
     Raises:
-        PolicyError: sampled, and there is no period, or no delay after which a state is computed with what there is.
+        PolicyError: sampled without a period, or without a delay after which a state is computed from the present
+            samples.
     """
 
     def __init__(
@@ -79,7 +80,7 @@ class StateStreamProcess(OnDemand):
         return earlier(self._maker.deadline_us, FAR_US)
 
     def awaited(self) -> tuple[Awaited, ...]:
-        """Why there is no state yet: what is waited for, input by input."""
+        """Why there is no state yet: the awaited samples, input by input."""
         return self._maker.awaited()
 
     def end(self) -> None:
@@ -175,7 +176,7 @@ def exactly(policy: Policy, inputs: Sequence[Input]) -> Sequence[Input]:
 
 
 def state_policy(policy: Policy, inputs: Sequence[Policy]) -> tuple[StatePolicy | None, When]:
-    """What a policy says about states (Def. 7.8.4), and when there is one.
+    """The states that a policy asks for (Def. 7.8.4), and when they are made.
 
     Without `sample every` the period is that of the inputs, if all are sampled; else there is a state per update of any
     input, or per change with `any change`; with `all updated` and `all changed` when every input has one. Without `max delay` it is the longest of the inputs'.
@@ -211,7 +212,7 @@ def state_policy(policy: Policy, inputs: Sequence[Policy]) -> tuple[StatePolicy 
 
 
 def check_delay_before(delay_before_us: int | None, max_delay_us: int) -> None:
-    """Approximations are used before a state is made with what there is (Def. 7.8.5); raises PolicyError."""
+    """Check that approximations are used before a state is made without them (Def. 7.8.5); raises PolicyError."""
     if delay_before_us is not None and delay_before_us > max_delay_us:
         before, longest = print_duration(delay_before_us), print_duration(max_delay_us)
         raise PolicyError(

@@ -21,7 +21,7 @@ _NEVER_US = 2**80
 
 
 class Category(Enum):
-    """What is known about one input at the synchronisation point."""
+    """The knowledge about one input at the synchronisation point."""
 
     EXACT = "exact value available"
     APRX_FINAL = "approximation available, no further information expected"
@@ -63,7 +63,7 @@ class State(NamedTuple):
 
 
 class Awaited(NamedTuple):
-    """Why there is no state yet: what is known of one input, and when it is waited for no longer (None: not known)."""
+    """Why there is no state yet: the category of one input, and when it is waited for no longer (None: not known)."""
 
     name: str
     category: Category
@@ -125,11 +125,11 @@ class StatePolicy:
 
 
 class _Input:
-    """What one input has brought: its buffer, and how far it is known.
+    """One input: its buffer, and how far it is known.
 
     Attributes:
         known_us: everything valid up to here has arrived, by the order of the stream.
-        ahead_us: what a sample valid at v says about known_us: v + ahead_us; None if the stream has no order.
+        ahead_us: the effect of a sample valid at v on known_us: v + ahead_us; None if the stream has no order.
         delay_us: so long after a valid time everything about it has arrived.
         final: nothing more can come about the synchronisation point.
     """
@@ -145,7 +145,7 @@ class _Input:
         self.delay_us = _NEVER_US if policy.max_delay_us is None else policy.max_delay_us
         if policy.sample_us is not None:
             if approximation == "linear":
-                self.delay_us += policy.sample_us  # what ends the line comes a period later
+                self.delay_us += policy.sample_us  # the end of the line comes a period later
             else:
                 self.ahead_us = policy.sample_us - 1  # the next sample is valid a period later
 
@@ -188,7 +188,7 @@ class _Input:
 
 class Synchronizer:
     """Computes a state at every synchronisation point: at once when all inputs are exact or final, at its valid time +
-    `delay_before_us` if all have an approximation, at + `max_delay_us` with what there is.
+    `delay_before_us` if all have an approximation, at + `max_delay_us` with the present samples.
 
     Call `on_sample` as samples arrive and `on_time` at `deadline_us`. At one instant inputs come before timers. States
     leave in order of valid time with strictly increasing available times.
@@ -243,7 +243,7 @@ class Synchronizer:
         if self._due_us < now_us:
             if self._sync_us == _NEVER_US:
                 self._sync_us = -(-valid_us // self.period_us) * self.period_us
-            states = self._settle(now_us, now_us - 1)  # what was due before this sample came
+            states = self._settle(now_us, now_us - 1)  # states due before this sample came
         else:
             states = []
         sync_us = self._sync_us
@@ -278,7 +278,7 @@ class Synchronizer:
 
     @property
     def categories(self) -> tuple[Category, ...]:
-        """What is known about each input at the synchronisation point, as of the last call."""
+        """The category of each input at the synchronisation point, as of the last call."""
         return tuple(i.category(self._sync_us) for i in self._inputs)
 
     def awaited(self) -> tuple[Awaited, ...]:
@@ -341,7 +341,7 @@ class Synchronizer:
         )
 
     def _move(self, sync_us: int, clock_us: int) -> None:
-        """To the next synchronisation point; what is known about it is classified at once."""
+        """Move to the next synchronisation point; the inputs are classified at once."""
         self._sync_us = sync_us
         self._open = 0
         for found in self._inputs:

@@ -1,10 +1,8 @@
 """A beacon that rings on request, and streams how often it has rung."""
 
 from agents.actions import REQUESTED, Action, Offer, Role
-from agents.exchange.gateway import Gateway
-from agents.interface import InterfaceAgent
 from agents.part import Part
-from federation.members.clock import FederationClock
+from agents.ports import PartRegistry, Ports
 from federation.members.offers import Service
 from federation.messages.acts import Act
 from federation.messages.contents import Content
@@ -32,11 +30,10 @@ class Beacon(Part):
         Offer(Service("beacon", "beacon"), (Action(RingBeacon, "on_ring", REQUESTED, Role.DELEGATE, typed=True),)),
     )
 
-    def __init__(self, unit: str, clock: FederationClock, agent: InterfaceAgent, gateway: Gateway) -> None:
-        self.agent, self.clock, self.count = agent, clock, 0
-        self.entry = gateway.ontology[RINGS]
-        translation = gateway.translation
-        self.source = gateway.network.add_source(translation.local_label(RINGS, unit), translation.local_sort(RINGS))
+    def __init__(self, ports: Ports, _parts: PartRegistry) -> None:
+        self.agent, self.clock, self.count = ports.agent, ports.clock, 0
+        self.entry, of = ports.ontology[RINGS], ports.translation
+        self.source = ports.network.add_source(of.local_label(RINGS, ports.unit), of.local_sort(RINGS))
 
     def labels(self) -> tuple[LabelEntry, ...]:
         """The stream, which other platforms and commands find by its label."""

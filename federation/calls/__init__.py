@@ -1,4 +1,3 @@
-"""Calls for streams that are offered at a cost: which proposal is taken, and what is done when it fails.
-A call is a value that a platform and a command centre step alike.
-What is proposed and promised on the other side is `agents/calls/`.
+"""Calls for streams that are offered at a cost: the choice of a proposal, and the next one when it fails. A call is a
+value that a platform and a command centre step alike. The side of the proposing platforms is `agents/calls/`.
 """

@@ -59,14 +59,14 @@ class StreamCall:
         wanted: the stream, and the least of its quality.
         unit: of the caller, which does not ask itself.
         speed: of the federation's clock.
-        trust: how far a platform is trusted, in [0, 1]; what it promises and brings is as much less certain.
+        trust: how far a platform is trusted, in [0, 1]; its promises and samples are as much less certain.
         declared: likewise, where samples are less certain by that already when they arrive.
         record: which platforms do not keep what they propose, over all calls of this member.
         on_news: takes what happens.
 
     Attributes:
         taken: the proposal whose stream is used.
-        reserve: those that would do as well, by unit.
+        reserve: the proposals that would do as well, by unit.
         refused: answers that count for nothing, by reason.
     """
 
@@ -108,7 +108,7 @@ class StreamCall:
         self.on_time(now_us)
 
     def on_time(self, now_us: int) -> None:
-        """Look at proposals, at what comes, and at what is offered by now."""
+        """Look at proposals, at the samples of the taken one, and at new offers."""
         if self.deadline_us is None or now_us < self.deadline_us:
             return
         self.deadline_us = now_us + LOOK_US
@@ -188,7 +188,7 @@ class StreamCall:
             self._decide_us = now_us + PROPOSE_WITHIN_US
 
     def _forgive(self, now_us: int) -> None:
-        """One that is not heard either, soon after its stream has failed, did not withhold it: it was cut off, or died."""
+        """A platform that is not heard soon after its stream failed was cut off, or died: it is not blamed."""
         for unit, since_us in list(self._blamed_us.items()):
             if not self._is_heard(unit) and now_us <= since_us + FORGIVEN_US:
                 del self._blamed_us[unit]

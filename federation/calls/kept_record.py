@@ -11,7 +11,7 @@ MOST: Final = 256
 
 
 class Unkept(NamedTuple):
-    """What is shown of a unit, in words, since when and until when."""
+    """The condition of a unit, in words, since when and until when."""
 
     text: str
     since_us: int
@@ -19,7 +19,7 @@ class Unkept(NamedTuple):
 
 
 class KeptRecord:
-    """What was taken of each unit, and what of it failed while its platform was there to keep it."""
+    """The proposals taken of each unit, and those that failed while its platform was there to keep them."""
 
     def __init__(self) -> None:
         self._failed_us: dict[str, deque[int]] = {}
@@ -52,7 +52,7 @@ class KeptRecord:
         return len(_recent(self._failed_us, unit, now_us)) >= FAILURES
 
     def shown(self, now_us: int) -> Iterator[Unkept]:
-        """What is shown of units."""
+        """The conditions of units."""
         for unit in self._failed_us:
             failed_us = _recent(self._failed_us, unit, now_us)
             if len(failed_us) >= FAILURES:

@@ -1,4 +1,4 @@
-"""What a call wants of a stream, and what platforms propose for it (thesis 9.2.3: quality, cost and willingness)."""
+"""The wanted stream of a call, and the proposals of platforms for it (thesis 9.2.3: quality, cost and willingness)."""
 
 from collections.abc import Callable, Iterable
 from typing import Literal, NamedTuple, TypeAlias
@@ -21,7 +21,7 @@ class WantedStream(NamedTuple):
 
 
 class Proposal(NamedTuple):
-    """What one platform proposes, and in which conversation; `boot` is its incarnation."""
+    """The proposal of one platform, and its conversation; `boot` is its incarnation."""
 
     unit: str
     boot: int
@@ -60,7 +60,7 @@ CallEvent: TypeAlias = Literal["called", "proposed", "refused", "taken", "failed
 
 
 class CallNews(NamedTuple):
-    """What happened in a call: to which unit (empty: to all of it), and in words.
+    """An event of a call: to which unit (empty: to all of it), and in words.
 
     `called`: it was sent out. `proposed`, `refused`: an answer. `taken`: this unit streams from now on. `failed`: it does
     no longer, or never did. `open`: no proposal is left; the call waits for new offers.

@@ -1,4 +1,4 @@
-"""What a platform and its knowledge process hosts say to each other on the local channel (thesis 5.2, 5.3).
+"""Messages between a platform and its knowledge process hosts on the local channel (thesis 5.2, 5.3).
 
 A host offers prototypes; the platform begins and ends processes there, hands their inputs over and gets their outputs
 back, many samples a message.
@@ -53,7 +53,7 @@ class FieldOffer(NamedTuple):
 
 
 class SortOffer(NamedTuple):
-    """What the values of a sort are that is declared with a unit or fields."""
+    """A sort that is declared with a unit or fields, and its values."""
 
     name: str
     unit: str
@@ -61,9 +61,9 @@ class SortOffer(NamedTuple):
 
 
 class Register(NamedTuple):
-    """The first message of a host: its identity, whether it lets processes follow each other, and what it offers.
+    """The first message of a host: its identity, whether it lets processes follow each other, and its offer.
 
-    `sorts`: what the values are of those sorts of its prototypes that are declared with units or fields.
+    `sorts`: the sorts of its prototypes that are declared with units or fields.
     """
 
     pid: int
@@ -82,7 +82,7 @@ class HostInput(NamedTuple):
 
 
 class HostOutput(NamedTuple):
-    """What a process made.
+    """The outputs of a process.
 
     Attributes:
         taken: inputs it has been through since it began; how many of them, not which.
@@ -112,7 +112,7 @@ class Beat(NamedTuple):
 
 
 class Welcome(NamedTuple):
-    """What the host offered can be made from now on.
+    """The host's offer is taken: its prototypes can be used from now on.
 
     Attributes:
         labels: of the host's stream generators.
@@ -128,7 +128,7 @@ class Welcome(NamedTuple):
 
 
 class Refuse(NamedTuple):
-    """The platform takes nothing of what the host offers, and why."""
+    """The platform refuses the host's whole offer, and why."""
 
     reason: str
 
@@ -152,7 +152,7 @@ class Want(NamedTuple):
 
 
 class HostInputs(NamedTuple):
-    """Samples for a process, in order; `past`: for its memory, and the history of what it makes."""
+    """Samples for a process, in order; `past`: for its memory, and the history of its output."""
 
     process: int
     past: bool

@@ -63,7 +63,7 @@ class FederationClock:
 
 
 class Standing(Enum):
-    """What the clock offset of a peer allows."""
+    """The class of a peer by its clock offset."""
 
     UNKNOWN = "unknown"
     SYNCHRONISED = "synchronised"
@@ -136,7 +136,7 @@ class OffsetEstimator:
         return self._next_us
 
     def due(self, now_us: int) -> int:
-        """How many exchanges to start now: what is missing of eight, each second, then one every five seconds.
+        """The number of exchanges to start now: the missing ones of eight, each second, then one every five seconds.
 
         Once the eight are had, one that is due in 200 ms is started with those of other peers.
         """
@@ -147,11 +147,11 @@ class OffsetEstimator:
         return max(1, missing)
 
     def hurry(self, now_us: int) -> None:
-        """Ask at once, as when the peer was met; what is known stays known."""
+        """Ask at once, as when the peer was met; the known offset stays."""
         self._answered, self._next_us = 0, now_us
 
     def reset(self, now_us: int) -> None:
-        """The peer was restarted or its link was changed: what was learned counts no more."""
+        """The peer was restarted or its link was changed: forget its offset."""
         self.boot = self.offset = self._best = None
         self._kept.clear()
         self._contradicting.clear()

@@ -56,7 +56,7 @@ class PlatformView:
 
 
 class Steppable(Protocol):
-    """What a member does over time in conversations of its own, such as a call. Times are the node clock."""
+    """A job of a member over time in conversations of its own, such as a call. Times are the node clock."""
 
     @property
     def deadline_us(self) -> int | None: ...
@@ -72,7 +72,7 @@ class CommandCentre:
         refused: acts that were not accepted, by reason; `member.refused` has the events.
         on_sample: takes the samples of all streams that were announced to it.
         on_refused: called with a member that speaks in a conversation that it takes no part in.
-        followed: what it has delegated, by conversation, whose later news are taken.
+        followed: its delegated tasks, by conversation, whose later news are taken.
     """
 
     def __init__(
@@ -155,7 +155,7 @@ class CommandCentre:
         return dialogue, self._done()
 
     def follow(self, dialogue: Dialogue, task: str = "") -> None:
-        """Take later news of what was delegated, also of other platforms than the delegate; `task`: its name, if it has another."""
+        """Take later news of a delegated task, also of other platforms; `task`: its name, if it has another."""
         self._participants.permit(dialogue.about)
         self.followed[task or dialogue.conversation] = dialogue
         if len(self.followed) > STANDING:
@@ -273,8 +273,8 @@ class CommandCentre:
                 self.member.end_import(name)
 
     def _takes_part(self, act: Act, content: Content | None) -> bool:
-        """Whether the sender takes part in what was asked for in that conversation; while its delegate is heard, others
-        report of themselves alone. What is no longer followed is left alone.
+        """Whether the sender takes part in the task of that conversation; while its delegate is heard, others report of
+        themselves alone. Acts about tasks that are no longer followed are left alone.
         """
         dialogue, sender = self.followed.get(act.conversation_id or ""), act.sender.unit
         if dialogue is None or sender == dialogue.unit:
@@ -286,7 +286,7 @@ class CommandCentre:
         return is_heard
 
     def _is_platform(self, unit: str) -> bool:
-        """By the roster, or, where there is none, by what it says of itself."""
+        """Whether a unit is a platform: by the roster, or, where there is none, by its own description."""
         if self.member.trust is not None:
             member = self.member.trust.roster.member(unit)
             return member is not None and member.role == "uav" and not member.revoked
@@ -323,7 +323,7 @@ class CommandCentre:
     # -- look-ups ----------------------------------------------------------------------------------------------
 
     def platforms(self, *, all_kinds: bool = False) -> list[PlatformView]:
-        """The platforms: those that are heard, those that only have a token, and those that only others hear."""
+        """The platforms: heard ones, ones that only have a token, and ones that only others hear."""
         views: dict[str, PlatformView] = {}
         for entry in self.member.directory.entries():
             if entry.unit != self.unit:

@@ -1,4 +1,4 @@
-"""The speech acts of a member: what it asks and answers, signed and verified, each act once.
+"""The speech acts of a member: its questions and answers, signed and verified, each act once.
 
 Wants are conversations; its opener gets the answers by plain calls. Times are the node clock.
 """
@@ -44,9 +44,9 @@ INTERFACE = "interface"
 ONTOLOGY = "dyknow"
 REPLY_WITHIN_US = 2_000_000
 FOREIGN = "not its conversation"
-"""What becomes of an act in a conversation of others."""
+"""The result of an act in a conversation of others."""
 UNANSWERED = "not answered"
-"""What becomes of an act that is refused in silence, since its sender was refused so much."""
+"""The result of an act that is refused in silence, since its sender was refused so often."""
 
 Direction: TypeAlias = Literal["in", "out"]
 OnReply: TypeAlias = Callable[[Act, contents.Content | None, bool, int], None]
@@ -142,7 +142,7 @@ class Correspondence:
 
         Args:
             unit: the recipient.
-            content: what about.
+            content: the content.
             now_us: the time.
             performative: how.
             on_reply: takes each answer.
@@ -289,7 +289,7 @@ class Correspondence:
         return True
 
     def _receipt(self, sender: str, payload: bytes) -> Receipt:
-        """What a unit has received; raises DecodeError if it did not sign it, where there is a roster."""
+        """The receipt of a unit; raises DecodeError if it did not sign it, where there is a roster."""
         if self._trust is None:
             return decode_receipt(payload)
         receipt, signature, body = decode_signed(payload)
@@ -380,7 +380,7 @@ class Correspondence:
     # -- peers and time ----------------------------------------------------------------------------------------
 
     def peer_gone(self, unit: str, now_us: int) -> None:
-        """Whatever is open with `unit` has failed."""
+        """Fail all open conversations with `unit`."""
         self._now_us = now_us
         self._handle(self.conversations.peer_gone(unit), now_us)
 
@@ -405,7 +405,7 @@ class Correspondence:
 
 
 def _fate(act: Act, outcomes: list[Outcome]) -> str:
-    """What became of a new act that is no request."""
+    """The result of a new act that is no request."""
     if any(isinstance(outcome, Foreign) for outcome in outcomes):
         return FOREIGN
     if any(isinstance(outcome, Unanswered) for outcome in outcomes):

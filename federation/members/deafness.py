@@ -40,7 +40,7 @@ BACKUP_US = 7_000_000
 ASTRAY_US, ASTRAY_SPREAD_US = 2_000_000, 4_000_000
 ASTRAY_AGAIN_US = 600_000_000
 SHOWN_US = 10_000_000
-"""What one peer says against the others is shown when it has done so for so long."""
+"""A single peer's contradiction of the others is shown when it has lasted for so long."""
 CONTRADICTED = 8
 STOOD_US = 1_300_000
 """So much later than planned is a look after a halt of a lease, 2 s, less the pause between two heartbeats."""
@@ -59,7 +59,7 @@ PATIENT = 3
 
 
 class Contradicted(NamedTuple):
-    """What `unit` alone says of hearing, against the others, and since when."""
+    """A statement about hearing by `unit` alone, against the others, and since when."""
 
     unit: str
     text: str
@@ -70,7 +70,7 @@ class DeafnessWatchdog:
     """Steps over the peers twice a second; `on_time` returns why to reopen, or nothing.
 
     Attributes:
-        contradicted: what single peers say against the others, for 10 s or more.
+        contradicted: statements of single peers against the others, for 10 s or more.
     """
 
     def __init__(self, unit: str, now_us: int) -> None:
@@ -203,7 +203,7 @@ class DeafnessWatchdog:
     ) -> None:
         """Note which one among three or more says that it does not hear us, or that it hears a platform."""
         alone: dict[tuple[str, str], str] = {}
-        deaf = {unit for unit, for_us in unlisted_us.items() if for_us >= MOST_US}  # one that joins hears us soon
+        deaf = {unit for unit, for_us in unlisted_us.items() if for_us >= MOST_US}  # newcomers hear us soon
         if len(deaf) == 1 and len(heard) > 1:
             (unit,) = deaf
             alone[unit, "deaf"] = f"{unit} says that it does not hear this platform, which others hear"

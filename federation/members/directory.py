@@ -32,7 +32,7 @@ LEAVING = 0
 Kind: TypeAlias = Literal["uav", "command-centre"]
 DirectoryEvent: TypeAlias = LivenessEvent | OfferEvent | PlatformRefused
 Outcome: TypeAlias = transport.WireEffect | DirectoryEvent
-"""What a step returns: effects for the wire and events for the agents, in order."""
+"""The result of a step: effects for the wire and events for the agents, in order."""
 
 Tails: TypeAlias = Sequence[tuple[str, str, int]]
 
@@ -43,9 +43,9 @@ class DirectoryEntry(NamedTuple):
     Attributes:
         hears: the units that hear its heartbeat say that they are heard.
         refusal: why this platform cannot federate with it, or None.
-        conditions: what it says is not as it should be there.
+        conditions: its own conditions.
         left: it said good-bye.
-        definitions: what semantic labels of its own mean, by name.
+        definitions: the meanings of its own semantic labels, by name.
     """
 
     unit: str
@@ -71,7 +71,7 @@ class DirectoryFacilitator:
     `on_heartbeat` for those that tell nothing new, nearly all: whether this is one. `member_of` is that of `Liveness`.
 
     Attributes:
-        is_busy: this machine has too much to do; what seems lost may only be late, and no session is opened again.
+        is_busy: this machine has too much to do; losses may only be delays, and no session is opened again.
     """
 
     def __init__(
@@ -112,7 +112,7 @@ class DirectoryFacilitator:
 
     @property
     def contradicted(self) -> tuple[Contradicted, ...]:
-        """What single platforms say of hearing, against the others."""
+        """Statements of single platforms about hearing, against the others."""
         return self._watchdog.contradicted
 
     # Own entry
@@ -168,7 +168,7 @@ class DirectoryFacilitator:
         return [*map(transport.UndeclareToken, reversed(tokens)), self._heartbeat(now_us, LEAVING, ())]
 
     def description(self) -> Description:
-        """What this platform says of itself to others."""
+        """This platform's description for others."""
         return Description(
             unit=self.unit,
             boot=self.boot,
@@ -292,7 +292,7 @@ class DirectoryFacilitator:
         return [each for unit in units for each in self._told(self._liveness.on_revoked(unit, at_us))]
 
     def on_ask_ended(self, ended: transport.AskEnded) -> None:
-        """The question is over; what it did not bring is requested again."""
+        """The question is over; missing descriptions are requested again."""
         self._replicas.on_ask_ended(ended)
 
     def on_reopened(self) -> None:
@@ -327,7 +327,7 @@ class DirectoryFacilitator:
         return outcome
 
     def _told(self, events: Iterable[LivenessEvent]) -> list[Outcome]:
-        """The events of liveness, and what they mean for services and labels: those go before their platform."""
+        """The events of liveness, with their consequences for services and labels: those go before their platform."""
         outcome: list[Outcome] = []
         for event in events:
             if isinstance(event, PlatformGone):
@@ -361,7 +361,7 @@ class DirectoryFacilitator:
         return sorted([own, *map(self._entry, peers)], key=lambda entry: unit_order(entry.unit))
 
     def entry(self, unit: str) -> DirectoryEntry | None:
-        """What is known of another platform, gone or not; None if it never appeared."""
+        """The entry of another platform, gone or not; None if it never appeared."""
         peer = self._peers.get(unit)
         return None if peer is None or peer.state is PeerState.ANNOUNCED else self._entry(peer)
 

@@ -1,6 +1,6 @@
-"""The streams that a member imports: each sample taken off the wire once, and what was lost asked for again.
+"""The streams that a member imports: each sample taken off the wire once, and lost ones asked for again.
 
-What becomes of a sample is its receiver's: a platform translates it into a local source, a command prints it.
+The receiver decides about a sample: a platform translates it into a local source, a command prints it.
 """
 
 from collections.abc import Callable, Iterator, Sequence
@@ -21,7 +21,7 @@ Take: TypeAlias = Callable[[Sequence[StreamSample], int], None]
 
 @dataclass(slots=True)
 class ImportRecord:
-    """One stream of one owner: its subscriber, when it was last heard of, when it asks for what is missing.
+    """One stream of one owner: its subscriber, when it was last heard of, when it asks for missing samples.
 
     `valid_us` is the valid time of the newest sample that came by itself, federation time.
 
@@ -121,7 +121,7 @@ class Imports:
         new = imported.stream.on_samples(boot, entries, at_us)
         if new:
             imported.valid_us = new[-1].valid_us
-        if new is not entries:  # what comes in order leaves as much missing as before
+        if new is not entries:  # a sample in order changes nothing about the missing ones
             self._schedule(imported)
         imported.take(new, at_us)
 
@@ -169,7 +169,7 @@ class Imports:
         return self._due.next_us
 
     def on_time(self, now_us: int) -> list[Ask]:
-        """Ask for what is missing."""
+        """Ask for missing samples."""
         asks: list[Ask] = []
         for name in self._due.pop_due(now_us):
             imported = self.streams.get(name)

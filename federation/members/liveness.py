@@ -33,7 +33,7 @@ TWINS = 8
 
 
 class PeerState(Enum):
-    """What is known of a platform. ANNOUNCED: not both a heartbeat and of what kind it is."""
+    """The state of a platform, as it is known here. ANNOUNCED: not both a heartbeat and of what kind it is."""
 
     ANNOUNCED = "announced"
     ALIVE = "alive"
@@ -95,7 +95,7 @@ _NOTHING: Sequence[LivenessEvent] = ()
 
 
 class Peer:
-    """What this platform knows of the life of another.
+    """This platform's knowledge of the life of another.
 
     `described` is the version of its description that is had; `untold_us`: since when it has no token, if it had one.
     """
@@ -162,7 +162,7 @@ class Liveness:
         return self._check_us
 
     def heard(self, now_us: int) -> list[str]:
-        """The units that this platform hears directly, for its own heartbeat; none that is back without its token."""
+        """The units that this platform hears, for its heartbeat; without units that are back without their token."""
         since_us = now_us - SUSPECT_US
         return [
             peer.unit
@@ -175,7 +175,7 @@ class Liveness:
     def on_heartbeat(
         self, unit: str, boot: int, seq: int, version: int, hears: Sequence[str], at_us: int
     ) -> Sequence[LivenessEvent]:
-        """One heartbeat; those that come late or twice are ignored."""
+        """One heartbeat; a late or repeated one is ignored."""
         peer = self.peers.get(unit)
         if peer is None or peer.boot != boot:
             return self._first_beat(unit, boot, seq, version, hears, at_us)
@@ -260,7 +260,7 @@ class Liveness:
     def on_time(self, now_us: int) -> list[LivenessEvent]:
         """Suspect peers that are silent, and declare them gone.
 
-        A process that was suspended takes in what has come meanwhile first. While links are being made no peer is
+        A process that was suspended first takes in the messages of the meantime. While links are being made no peer is
         declared gone.
         """
         if self._check_us is None or now_us < self._check_us:
@@ -319,7 +319,7 @@ class Liveness:
         return peer
 
     def _has_name(self, unit: str, member: str) -> bool:
-        """Whether a member may have one name more: of those that are not there the one seen first gives way."""
+        """Whether a member may have one name more: of its absent names the one seen first gives way."""
         if unit == member:
             return True
         names = [peer for peer in self.peers.values() if peer.unit != member and self._member_of(peer.unit) == member]

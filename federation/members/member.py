@@ -1,8 +1,8 @@
-"""A member of a federation: what every participant needs, whether it flies, asks or only listens.
+"""A member of a federation: the common part of every participant, whether it flies, asks or only listens.
 
 It holds the directory, conversations with their delivery, the clock offsets of its peers, the verification of acts and
-the imported streams. A value that is stepped: wire events in, wire effects out, time (the node clock) an argument. What
-it learns it passes on to its `MemberAgents` by plain calls, in the order in which things happen.
+the imported streams. A value that is stepped: wire events in, wire effects out, time (the node clock) an argument. It
+passes news on to its `MemberAgents` by plain calls, in the order of the events.
 """
 
 from collections import Counter
@@ -47,7 +47,7 @@ class Member:
     Args:
         unit: its name in the federation.
         boot: its incarnation, greater in each later one: milliseconds since the epoch at its start.
-        agents: called with what happens.
+        agents: called with the events.
         audit: given each act that passes.
         emit: takes each effect as it arises.
         clock: the federation's; None: learned from the first platform that is met.
@@ -116,7 +116,7 @@ class Member:
         self.take(self.directory.start(now_us), now_us)
 
     def leave(self, now_us: int) -> None:
-        """Leave the federation: what still stands with others is theirs to end."""
+        """Leave the federation: open conversations are for the others to end."""
         self.take(self.directory.leave(now_us), now_us)
 
     # -- streams in --------------------------------------------------------------------------------------------
@@ -134,7 +134,7 @@ class Member:
     # -- stepping ----------------------------------------------------------------------------------------------
 
     def on_event(self, event: transport.WireEvent, now_us: int) -> None:
-        """Take one event of the wire; what does not belong here is counted in `refused`."""
+        """Take one event of the wire; a foreign one is counted in `refused`."""
         try:
             self.dispatch(event, now_us)
         except DecodeError as error:
@@ -142,7 +142,7 @@ class Member:
         self.acts.flush()
 
     def dispatch(self, event: transport.WireEvent, now_us: int) -> None:
-        """The same, with the receipts left to `acts.flush`; raises DecodeError for what is malformed."""
+        """The same, with the receipts left to `acts.flush`; raises DecodeError for malformed bytes."""
         match event:
             case transport.Arrived():
                 self._on_arrived(event, now_us)
@@ -177,7 +177,7 @@ class Member:
 
     @property
     def steps(self) -> tuple[Callable[[int], None], ...]:
-        """What `on_time` does, one after the other; none needs another."""
+        """The steps of `on_time`, one after the other; none needs another."""
         return self._recover, self._compare_clocks, self.acts.on_time, self._beat
 
     def _recover(self, now_us: int) -> None:
@@ -270,9 +270,9 @@ class Member:
     def on_roster(self, event: transport.RosterRead, now_us: int) -> dict[str, Callable[[str], bool]]:
         """Go by a later generation of the roster; returns whom it revokes, and which units speak for each.
 
-        All that is kept of them is dropped.
+        All data of revoked members are dropped.
 
-        One whose key is another now is another member.
+        A member with another key now counts as another member.
 
         Raises:
             DecodeError: it is no roster.

@@ -1,4 +1,4 @@
-"""What platforms offer in the directory, to whom, and how newly made and withdrawn offers are found (thesis 9.3.2)."""
+"""Offers of platforms in the directory, their visibility, and how new and withdrawn offers are found (thesis 9.3.2)."""
 
 from collections.abc import Iterator, Mapping
 from enum import StrEnum
@@ -45,7 +45,7 @@ class LabelGone(NamedTuple):
 
 
 class DefinitionsChanged(NamedTuple):
-    """What semantic labels mean to a platform is not what it was."""
+    """A platform changed the definition of a label."""
 
     unit: str
 
@@ -54,7 +54,7 @@ OfferEvent: TypeAlias = ServiceAppeared | ServiceGone | LabelAppeared | LabelGon
 
 
 class Offers(NamedTuple):
-    """The services and semantic labels of one platform, and what its own labels mean, by name."""
+    """The services and semantic labels of one platform, and the definitions of its own labels, by name."""
 
     services: Mapping[str, Service]
     labels: Mapping[str, LabelEntry]
@@ -65,7 +65,7 @@ NO_OFFERS = Offers({}, {}, {})
 
 
 def changes(unit: str, before: Offers, after: Offers) -> Iterator[OfferEvent]:
-    """What goes, then what comes; something that changed does both."""
+    """The events of withdrawn offers, then those of new ones; a changed offer has both."""
     if before.definitions != after.definitions:
         yield DefinitionsChanged(unit)
     for name, label in before.labels.items():

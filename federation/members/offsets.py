@@ -68,7 +68,7 @@ class ClockOffsets:
         self._due.set(unit, estimator.deadline_us)
 
     def on_gone(self, unit: str) -> None:
-        """A peer is gone: it is sent no questions; what was learned is kept for its return."""
+        """A peer is gone: it gets no questions; its offset is kept for its return."""
         estimator = self._estimators.pop(unit, None)
         if estimator is not None:
             self._due.set(unit, None)
@@ -89,7 +89,7 @@ class ClockOffsets:
         return [Answer(asked.ask, asked.key, encode_pong(pong)), AnswerEnd(asked.ask)]
 
     def on_answered(self, answered: Answered) -> Compared | None:
-        """An answer, taken once; what came of it, or None if the question is none of ours."""
+        """Take an answer, once; returns the comparison, or None if the question is none of ours."""
         unit, sent_us = self._asked.get(answered.question, _ANSWERED)
         estimator = self._estimators.get(unit)
         if estimator is None:

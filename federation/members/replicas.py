@@ -1,4 +1,4 @@
-"""Copies of what other platforms say of themselves, and the questions that bring them."""
+"""Copies of other platforms' descriptions, and the questions that bring them."""
 
 from collections import Counter
 from collections.abc import Iterator, Mapping
@@ -17,12 +17,12 @@ from federation.transport import Answered, Ask, AskEnded
 
 CONFIRM_US = 10_000_000
 UNASKED_US = 300_000
-"""How long a platform is given to say unasked what it is, or what has changed."""
+"""The time for a platform to send its description, or a change, unasked."""
 RETRY_US = 50_000
 RETRY_MOST_US = 2_000_000
 ASK_TIMEOUT_US = 1_000_000
 NEW_PER_S, NEW_BURST = 4.0, 16.0
-"""New descriptions of one platform that are read; what comes faster is asked for later."""
+"""New descriptions of one platform that are read; faster ones are asked for later."""
 MOST_BYTES = 4 << 20
 """Of all descriptions that one directory holds, as they are sent: a hundred platforms have a quarter of it."""
 
@@ -40,7 +40,7 @@ class PlatformRefused(NamedTuple):
 
 
 class Replica:
-    """What one incarnation of a platform says of itself; version 0 before the first answer."""
+    """The description of one incarnation of a platform; version 0 before the first answer."""
 
     __slots__ = (
         "asked",
@@ -81,9 +81,9 @@ class Replica:
 class Replicas:
     """A replica of each platform that is heard, kept at the version that its heartbeats announce.
 
-    A platform says what it is when others come and when that changes. What does not arrive is asked for until it is
-    had, and confirmed once in 10 s in any case.
-    `peers` is the view of `Liveness`, `questions` numbers the questions of the whole node.
+    A platform says what it is when others come and when that changes. A missing description is asked for until it is
+    had, and confirmed once in 10 s in any case. `peers` is the view of `Liveness`, `questions` numbers the questions of
+    the whole node.
     """
 
     def __init__(
@@ -163,14 +163,14 @@ class Replicas:
         return replica, found
 
     def learn(self, replica: Replica, found: Description, at_us: int) -> None:
-        """Take a description over. What a platform offers with which we cannot federate is not listed."""
+        """Take a description over. Offers of a platform with which we cannot federate are not listed."""
         replica.found, replica.version, replica.refusal = found, found.version, self._refusal(found)
         replica.offers = NO_OFFERS if replica.refusal is not None else _offered(replica.unit, found)
         self._describe(replica.unit, replica.version)
         self._confirmed(replica, at_us)
 
     def _describe(self, unit: str, version: int) -> None:
-        """Say so where its heartbeats are taken: one that announces what is had already needs no look here."""
+        """Note the version at its heartbeats: one that announces this version needs no look here."""
         peer = self._peers.get(unit)
         if peer is not None:
             peer.described = version
@@ -182,7 +182,7 @@ class Replicas:
             self._due.set(replica.unit, replica.due_us)
 
     def on_ask_ended(self, ended: AskEnded) -> None:
-        """A question is over; what it did not bring is requested again, ever later."""
+        """A question is over; missing descriptions are requested again, ever later."""
         unit = self._asking.pop(ended.question, None)
         replica = self._replicas.get(unit) if unit is not None else None
         if replica is None or replica.asked != ended.question:

@@ -1,4 +1,4 @@
-"""Speech acts: the messages of FIPA ACL (SC00061G), with what makes them reliable on a lossy wire."""
+"""Speech acts: the messages of FIPA ACL (SC00061G), with parameters for reliable delivery on a lossy wire."""
 
 from base64 import b64decode, b64encode
 from contextlib import suppress
@@ -81,13 +81,13 @@ class Act(NamedTuple):
     """One speech act. None is a parameter that is not set.
 
     Attributes:
-        performative: what the sender wants the act to do.
+        performative: the kind of the act.
         sender: the agent whose act it is.
         receiver: the agent that gets it; unit `all` is every platform.
-        content: what it is about.
+        content: its content.
         conversation_id: the conversation it belongs to; a name as `keys.conversation` has it.
         protocol: the interaction protocol, e.g. `fipa-request`.
-        reply_with: what an answer shall carry as `in_reply_to`.
+        reply_with: the `in_reply_to` of an answer.
         in_reply_to: the `reply_with` of the act it answers.
         reply_by_us: when silence becomes a failure; microseconds, the sender's node clock.
         language: of the content.
@@ -157,7 +157,7 @@ _NUMBERS: Final = frozenset({"boot", "seq", "created_us", "reply_by_us"})
 def print_act(act: Act) -> str:
     """`(request :sender interface@1 :receiver interface@0 :content (monitor-proximity) ...)`, on one line.
 
-    What FIPA does not know begins with `:X-`, as it prescribes.
+    Parameters that FIPA does not know begin with `:X-`, as it prescribes.
     """
     parts = [str(act.performative)]
     for name, attribute in _PARAMETERS.items():
@@ -176,7 +176,7 @@ def parse_act(text: str) -> Act:
     """Read back what `print_act` wrote; blanks, line ends and the order of parameters are free.
 
     Raises:
-        TextError: where, and what was expected.
+        TextError: the place, and the expected word.
     """
     reader = ExprReader(text)
     reader.take("(")

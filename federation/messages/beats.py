@@ -1,6 +1,6 @@
 """The lists of a heartbeat, checked: the units that its sender hears, and the newest numbers of its streams.
 
-Both change rarely: what is equal to the last list of the same unit is the same object.
+Both change rarely: a list equal to the last one of the same unit is the same object.
 """
 
 from typing import Any, Final, TypeAlias

@@ -1,8 +1,9 @@
-"""Bytes <-> messages. The only way in is strict: what decodes is well formed, and no other error than DecodeError.
+"""Bytes <-> messages. The only way in is strict: a message that decodes is well formed, and there is no other error
+than DecodeError.
 
-Every message is a msgpack array that begins with its version. What `federation.messages.unpacking` lets through is checked field
-by field: names, finite numbers of 64 bits, nesting of at most 16. Acts and samples are checked by hand, which is several
-times faster than a general validator; the tests compare with a schema that was written apart from this.
+Every message is a msgpack array that begins with its version. Values from `federation.messages.unpacking` are checked
+field by field: names, finite numbers of 64 bits, nesting of at most 16. Acts and samples are checked by hand, which is
+several times faster than a general validator; the tests compare with a schema that was written apart from this.
 
 A content travels as: expression = map with the head under the empty key, record = map, sequence = array, symbol = str,
 quoted text = bin, `no_value` = nil.
@@ -38,7 +39,7 @@ _IDENTIFIER = re.compile(r"[A-Za-z0-9][A-Za-z0-9_.-]{0,95}")
 
 
 class StreamSample(NamedTuple):
-    """One sample of a stream: its number there (from 1), when it held, its value, and what its maker says of it.
+    """One sample of a stream: its number there (from 1), its valid time, its value, and its quality.
 
     On the wire a quality is two fields more, certainty and covariance, unless it is the default; of a predicted value three
     more, when it was made, branch and weight: an earlier version refuses their form.
@@ -59,7 +60,7 @@ class Rider(NamedTuple):
 
 
 class StreamedSamples(NamedTuple):
-    """What is put on the key of a stream: which life of its owner sent it, samples, riders; of how many samples one is sent."""
+    """The message on the key of a stream: its owner's incarnation, samples, riders; one of `every` samples is sent."""
 
     boot: int
     samples: Sequence[StreamSample]
@@ -76,7 +77,7 @@ class Range(NamedTuple):
 
 
 class Recovered(NamedTuple):
-    """The owner's answer: what it holds of them, and the oldest and newest number it has."""
+    """The owner's answer: its held samples of these numbers, and the oldest and newest number it has."""
 
     boot: int
     oldest: int
@@ -314,7 +315,7 @@ def _packed(samples: Sequence[StreamSample]) -> list[tuple[Any, ...]]:
 
 
 def decode_samples(payload: bytes) -> StreamedSamples:
-    """What was put on the key of a stream; raises DecodeError. Read once for all in a process, if it is not long."""
+    """The message on the key of a stream; raises DecodeError. Read once for all in a process, if it is not long."""
     return _short_samples(payload) if len(payload) <= SHORT else _read_samples(payload)
 
 
@@ -341,7 +342,7 @@ def _riders(found: Any) -> tuple[Rider, ...]:
 
 @lru_cache(maxsize=1024)
 def _stream(label: str, policy_hash: str) -> tuple[str, str]:
-    """The names of a stream, checked; what comes again and again is checked once."""
+    """The names of a stream, checked; repeated names are checked once."""
     return named(keys.label, label), unpacking.digest(policy_hash)
 
 
@@ -381,7 +382,7 @@ def encode_heartbeat(heartbeat: Heartbeat) -> bytes:
 
 
 def decode_heartbeat(payload: bytes) -> Heartbeat:
-    """A heartbeat; what one has in common with the last of its unit, whom it hears above all, is the same object in both."""
+    """A heartbeat; parts equal to those of its unit's last one, above all the units it hears, are the same objects."""
     if len(payload) > MAX_BEAT:
         unpacking.fail("oversized", f"{len(payload)} bytes")
     unit, boot, seq, wall_us, description, hears, tails = unpacking.array(payload, 7)

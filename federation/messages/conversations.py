@@ -37,7 +37,7 @@ TOO_LATE = Expr("leave-proposal", {"because": QuotedText("the call is over")})
 """The content of the rejection of a proposal that comes after it was due."""
 
 Outcome: TypeAlias = Put | protocols.ConversationEvent
-"""What a step returns: puts for the wire and events for the agents, in order."""
+"""The result of a step: puts for the wire and events for the agents, in order."""
 
 _K = TypeVar("_K")
 _Name: TypeAlias = tuple[str, str, bool]
@@ -201,7 +201,7 @@ class Conversations:
         self.delivery.on_receipt(sender, receipt, now_us)
 
     def peer_gone(self, unit: str) -> list[Outcome]:
-        """The directory calls a platform gone: everything that is open with it has failed."""
+        """The directory calls a platform gone: all open conversations with it have failed."""
         self.delivery.peer_gone(unit)
         events: list[Outcome] = []
         dropped: list[Act] = []
@@ -248,7 +248,7 @@ class Conversations:
     # Steps
 
     def _addressed(self, act: Act, now_us: int) -> Act:
-        """What an act needs that wants an answer."""
+        """An act with the parameters that its answer needs."""
         return act._replace(
             conversation_id=act.conversation_id or self.new_conversation(act.receiver.unit),
             protocol=act.protocol or protocols.PROTOCOLS.get(act.performative),

@@ -1,10 +1,10 @@
 """Acts made reliable on a wire that drops: acknowledgement, retransmission, duplicate suppression.
 
 An act is put again three times until it is acknowledged, by a list of numbers that any act of the receiver carries or
-by a receipt: every 200 ms, or later where the receiver takes longer to acknowledge (`round_trip.py`). What ends or
-answers something is worth more patience than a question, which is of no use after its reply-by: it is put again every
-second after that, or later, ten times. Acts to all are put once. A platform that hears an act twice acknowledges it
-twice and acts once.
+by a receipt: every 200 ms, or later where the receiver takes longer to acknowledge (`round_trip.py`). An act that ends
+or answers something is worth more patience than a question, which is of no use after its reply-by: it is put again
+every second after that, or later, ten times. Acts to all are put once. A platform that hears an act twice acknowledges
+it twice and acts once.
 """
 
 from collections import Counter
@@ -183,7 +183,7 @@ class Delivery:
             self._acknowledged(sender, receipt.seqs, now_us)
 
     def flush(self) -> list[Put]:
-        """Receipts for what no act of this step acknowledged. Call at the end of a step."""
+        """Receipts for acts that no act of this step acknowledged. Call at the end of a step."""
         if not self._owed:
             return []
         puts = [
@@ -194,7 +194,7 @@ class Delivery:
         return puts
 
     def on_time(self, now_us: int) -> tuple[list[Put], list[Act]]:
-        """What is put again, and what is given up as undelivered."""
+        """The puts to repeat, and the acts that are given up as undelivered."""
         if self._due_us is None or now_us < self._due_us:
             return [], []
         self._due_us = None

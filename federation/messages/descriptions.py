@@ -1,4 +1,4 @@
-"""What a platform says of itself, as pydantic models: descriptions are rare, and are validated with these."""
+"""A platform's description, as pydantic models: descriptions are rare, and are validated with these."""
 
 from typing import Annotated, Any, Final, Literal, Self
 
@@ -38,7 +38,7 @@ def _checked(check: Any) -> AfterValidator:
 
 
 def in_one_line(text: str) -> str:
-    """The text with blanks for its line breaks: what others say makes no line of ours."""
+    """The text with blanks for its line breaks: texts of others make no line of ours."""
     return text if text.isprintable() else " ".join(text.splitlines())
 
 
@@ -51,7 +51,7 @@ Stamp = Annotated[int, Field(ge=0, le=LATEST_US)]
 """An instant after 1970, in microseconds."""
 FieldText = Annotated[str, Field(max_length=64)]
 Cost = Annotated[float, Field(ge=0, le=1e12)]
-"""What a stream costs its producer, in a measure that the federation agrees on."""
+"""The cost of a stream for its producer, in a measure that the federation agrees on."""
 
 
 class DescriptionModel(BaseModel):
@@ -90,7 +90,7 @@ class LabelEntry(DescriptionModel):
 
 
 class DefinitionEntry(DescriptionModel):
-    """What a semantic label means to a platform; those that every platform has are left out."""
+    """A platform's definition of a semantic label; labels that every platform has are left out."""
 
     label: SemanticLabel
     sort: AgentWord
@@ -118,7 +118,7 @@ class DefinitionEntry(DescriptionModel):
 
 
 class ConditionEntry(DescriptionModel):
-    """What a person should know of a platform's state, in words, and since when by its node clock."""
+    """A condition of a platform's state that users should know, in words, and since when by its node clock."""
 
     text: Annotated[str, Field(min_length=1, max_length=200), AfterValidator(in_one_line)]
     since_us: Stamp
@@ -131,14 +131,14 @@ class Description(DescriptionModel):
         unit: its name.
         boot: which life of the platform.
         version: greater after each change; announced in heartbeats.
-        kind: what it is.
+        kind: its kind.
         clock_epoch_us: epoch of the federation's clock, a UTC instant.
         clock_speed: its speed.
         roster: fingerprint of the roster it goes by, or None in an open federation.
         services: public and protected ones.
         labels: the semantic labels it can export.
-        definitions: what its own semantic labels mean, exported or not.
-        conditions: what is not as it should be there.
+        definitions: the meanings of its own semantic labels, exported or not.
+        conditions: the conditions of its state.
     """
 
     unit: Unit

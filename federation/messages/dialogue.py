@@ -1,4 +1,4 @@
-"""One conversation that a member opened, as a record of what has come of it."""
+"""One conversation that a member opened, as a record of its answers."""
 
 from dataclasses import dataclass, field
 
@@ -12,13 +12,13 @@ DECLINED = frozenset({P.REFUSE, P.FAILURE, P.NOT_UNDERSTOOD})
 
 @dataclass(slots=True)
 class Dialogue:
-    """What came back from `unit`.
+    """The answers of `unit`.
 
     Attributes:
         said: the answers with their contents (None: not understood).
         failed: why no further answer comes, or None.
         over: whether no further answer comes.
-        about: what was asked for.
+        about: the content of the question.
     """
 
     unit: str
@@ -43,7 +43,7 @@ class Dialogue:
 
     @property
     def results(self) -> list[Content]:
-        """What was informed of, in order."""
+        """The informed contents, in order."""
         return [content for act, content in self.said if act.performative is P.INFORM and content is not None]
 
     @property

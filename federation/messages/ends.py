@@ -1,4 +1,4 @@
-"""Cancels that follow from what happened, and from no user: the loss of a peer, or an answer that did not come."""
+"""Cancels by events, not by users: the loss of a peer, or a missing answer."""
 
 from federation.messages.acts import Act, Performative
 from federation.messages.sexpr import Expr

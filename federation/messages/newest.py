@@ -1,7 +1,7 @@
 """The last contents of each unit, read once for all members of a process: two entries a unit, and a limited number of bytes in all.
 
-A unit that sends ever other contents pushes out its own entries and those of units that were silent of late; what is not
-kept is only read again.
+A unit that sends ever other contents pushes out its own entries and those of units that were silent of late; a dropped
+entry is only read again.
 """
 
 from collections import OrderedDict
@@ -11,14 +11,14 @@ from typing import Final, Generic, TypeVar
 KEPT: Final = 2
 """Entries of a unit: while one content follows another, both arrive."""
 MOST_BYTES: Final = 1 << 20
-"""Of all entries of one cache, as they are sent; what is made of them takes several times more."""
+"""Bytes of all entries of one cache, as they are sent; their values take several times more."""
 
 Said = TypeVar("Said")
 Made = TypeVar("Made")
 
 
 class Newest(Generic[Said, Made]):
-    """Calls `make` for what is new of a unit, and returns what it made of the same before.
+    """Calls `make` for new contents of a unit, and returns its earlier result for known ones.
 
     Args:
         size: bytes of an entry.
@@ -39,7 +39,7 @@ class Newest(Generic[Said, Made]):
         return any(known == said for known, _ in self._entries.get(unit, ()))
 
     def __call__(self, unit: str, said: Said) -> Made:
-        """What `make` makes of it; raises what that raises."""
+        """The result of `make`; raises its exceptions."""
         entries = self._entries.get(unit, ())
         for known, made in entries:
             if known is said or known == said:

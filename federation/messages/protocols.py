@@ -33,7 +33,7 @@ class Incoming(NamedTuple):
 
 
 class Foreign(NamedTuple):
-    """What a platform says in a conversation of ours that is with another one: it is not heard."""
+    """A platform's act in a conversation of ours with another one: it is ignored."""
 
     act: Act
 
@@ -80,7 +80,7 @@ ConversationEvent: TypeAlias = Incoming | Foreign | Unanswered | Reply | TimedOu
 
 
 class Phase(Enum):
-    """What is due next: `STANDING` lives, and owes nothing.
+    """The next due step: `STANDING` lives, and owes nothing.
 
     ASKED wants an answer, PROPOSED a decision, AGREED a result, CANCELLING the answer to a cancel.
     """
@@ -94,7 +94,7 @@ class Phase(Enum):
 
 @dataclass(slots=True)
 class Conversation:
-    """One side's record of a conversation, moved by what this side hears (if ours) or says (if theirs).
+    """One side's record of a conversation, moved by the acts that this side hears (if ours) or sends (if theirs).
 
     Attributes:
         opening: the act that began it; on the participant's side a cancel, once one has come.
@@ -116,7 +116,7 @@ class Conversation:
     cancel: str | None = None
 
     def heard(self, act: Act, now_us: int) -> bool:
-        """We opened it, and hear an answer. True if that closes it; what the protocol does not expect moves nothing."""
+        """We opened it, and hear an answer. True if that closes it; an unexpected act moves nothing."""
         performative = act.performative
         if self.phase is Phase.CANCELLING:
             return act.in_reply_to == self.cancel or performative in CLOSING

@@ -1,4 +1,4 @@
-"""Bare acknowledgements: what a platform says when it has nothing else to say to the sender of an act.
+"""Bare acknowledgements: a platform's message when it has no other act for the sender.
 
 They travel on the sender's own act key, to an agent that no platform has. With a roster they are signed, as acts are: a
 forged one would end the repetition of an act that never arrived.
@@ -46,5 +46,5 @@ def decode_signed(payload: bytes) -> tuple[Receipt, Signature, bytes]:
 
 
 def signed_bytes(receiver: str, body: bytes) -> bytes:
-    """What the signature is over: never the body of an act, and for one receiver."""
+    """The bytes under the signature: never the body of an act, and for one receiver."""
     return b"receipt\0" + receiver.encode() + b"\0" + body

@@ -1,4 +1,4 @@
-"""How long a peer takes to acknowledge: what is late because there is much to do is not made later by repetition.
+"""How long a peer takes to acknowledge, so that repetition does not delay a busy peer's acknowledgements further.
 
 The estimate of RFC 6298 with Karn's rule: only what was put once is measured, since it is not known which of several puts
 an acknowledgement is for. A peer that leaves all puts of an act unacknowledged, or whose acknowledgements all come after a

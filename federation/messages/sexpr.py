@@ -71,7 +71,7 @@ def is_symbol(text: str) -> bool:
 
 
 def quote(text: str) -> str:
-    """`text` in quotes, as JSON has it; whatever a terminal would obey rather than show is escaped."""
+    """`text` in quotes, as JSON has it; characters that a terminal would obey rather than show are escaped."""
     shown = json.dumps(text, ensure_ascii=False)
     if shown.isprintable():
         return shown

@@ -1,7 +1,7 @@
 """The strict way in: plain tuples, dicts and scalars out of untrusted bytes, and the checks every message needs.
 
 Limits come before and during unpacking: 64 KiB, bounded strings, arrays and maps, no extension types, no duplicate
-keys, nothing behind the message. All that is wrong is a DecodeError.
+keys, nothing behind the message. Every error is a DecodeError.
 """
 
 import re

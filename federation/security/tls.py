@@ -117,7 +117,7 @@ def _certificates(peer: RosterMember) -> list[str]:
 
 
 def _own_rule(root: str) -> dict[str, Any]:
-    """What we send is ours to decide. Wildcards do not match the tokens' `@`, so they are spelt out."""
+    """The rule for our own messages: all are allowed. Wildcards do not match the tokens' `@`, so they are spelt out."""
     return {
         "id": "out",
         "permission": "allow",
@@ -128,7 +128,7 @@ def _own_rule(root: str) -> dict[str, Any]:
 
 
 def _rules(peer: RosterMember, root: str) -> list[dict[str, Any]]:
-    """What we take from a peer: its own words, life and answers; and what it may listen to and ask for."""
+    """The rules for a peer: its own acts, life and answers; and the keys that it may listen to and ask for."""
     names = [peer.unit, f"{peer.unit}-$*"] if peer.role != "uav" else [peer.unit]
     said = ["acl/*/{}/**", "x/{}/**", "hb/{}/**"]
     answered = ["q/{}/**", "{}/df", "time/{}"]
@@ -265,7 +265,7 @@ def _called(common_name: str) -> "x509.Name":
 def _builder(
     name: str, issuer: "x509.Name", key: "EllipticCurvePrivateKey", now_us: int, days: float
 ) -> "x509.CertificateBuilder":
-    """The serial number follows from what is certified, so that the same call gives the same number."""
+    """The serial number follows from the certified data, so that the same call gives the same number."""
     from cryptography import x509
     from cryptography.hazmat.primitives.serialization import Encoding, PublicFormat
 

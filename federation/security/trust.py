@@ -30,11 +30,11 @@ LIVES: Final = 1024
 """Windows kept for one member: its boots, and the processes of a command centre, of the last minute."""
 KEY_BYTES: Final = 32
 FEDERATION: Final = "federation"
-"""What the roster's text calls the federation it is for."""
+"""The key of the federation's name in a roster's text."""
 IDENTITY: Final = "identity"
 GENERATION: Final = "generation"
 RESERVED: Final = (FEDERATION, IDENTITY, GENERATION)
-"""What stands in a roster's text before its members."""
+"""The keys in a roster's text before its members."""
 
 Role: TypeAlias = Literal["uav", "command-centre", "observer"]
 ROLES: Final[tuple[Role, ...]] = ("uav", "command-centre", "observer")
@@ -51,7 +51,7 @@ Refusal: TypeAlias = Literal[
     "replayed",
     "too many lives",
 ]
-"""Why an act is not listened to. One that was `replayed` is genuine: do not act again, but acknowledge again."""
+"""Why an act is not listened to. An act that was `replayed` is genuine: do not act again, but acknowledge again."""
 
 
 @dataclass(frozen=True, slots=True)
@@ -59,7 +59,7 @@ class RosterMember:
     """One platform of a roster: its Ed25519 public key (32 bytes), what it may do, and whether it is out.
 
     A command centre `cc` speaks as `cc`, and as `cc-1`, `cc-2` ... when several of its processes run at once; so does
-    an observer. `certificate` is the number of its present certificate: one that comes back has the next.
+    an observer. `certificate` is the number of its present certificate: a member that comes back has the next.
 
     Raises:
         RosterError: the name cannot be a unit, the key is not one, or the role is unknown.
@@ -96,7 +96,7 @@ class RosterMember:
 
 
 def common_name(unit: str, certificate: int) -> str:
-    """What a unit's certificate of this number is made out to; no unit has a dot in its name."""
+    """The name in a unit's certificate of this number; no unit has a dot in its name."""
     return f"{unit}.{certificate}" if certificate else unit
 
 
@@ -120,7 +120,7 @@ class Roster:
         """Read the TOML text of a roster.
 
         Raises:
-            RosterError: what is wrong, and where.
+            RosterError: the error, and its place.
         """
         try:
             tables = tables_of(text)
@@ -183,7 +183,7 @@ class Roster:
     def added(self, member: RosterMember) -> "Roster":
         """Raises RosterError if the unit has another key: revoke it first, a key is never replaced silently.
 
-        One that comes back has another certificate than those before.
+        A member that comes back has another certificate than before.
         """
         known = self.members.get(member.unit)
         if known is not None and not known.revoked and known.key != member.key:
@@ -231,7 +231,7 @@ def parse_key(text: str) -> bytes:
 
 
 def _signed(federation: str, body: bytes) -> bytes:
-    """What is signed: an act of one federation is worth nothing in another with the same roster."""
+    """The signed bytes: an act of one federation is worth nothing in another with the same roster."""
     return b"dyknow act 1\0" + federation.encode() + b"\0" + body
 
 
@@ -248,7 +248,7 @@ class Signer:
 
     @property
     def public_key(self) -> bytes:
-        """What the roster holds."""
+        """The public key, as in the roster."""
         return self._key.public_key().public_bytes_raw()
 
     def __call__(self, body: bytes) -> Signature:
@@ -285,7 +285,7 @@ _MASK: Final = (1 << WINDOW) - 1
 class Verifier:
     """Judges received acts by a roster. Times are the node clock.
 
-    What was sent before this platform started is refused: the windows of an earlier life are gone. Clocks may have been
+    Acts from before this platform started are refused: the windows of an earlier life are gone. Clocks may have been
     set back since, so that what an earlier life had accepted of each member is refused by the member's own stamps.
 
     Args:
@@ -295,7 +295,7 @@ class Verifier:
         accepted_us: by member, when the newest act was made that an earlier life accepted (the member's node clock).
 
     Attributes:
-        accepted_us: the same, with what this life has accepted; to be kept for the next one.
+        accepted_us: the same, with the acts that this life has accepted; to be kept for the next one.
         accepted: how many acts this life has accepted.
     """
 
@@ -316,7 +316,7 @@ class Verifier:
         """Why the act must not be carried out, or None.
 
         Args:
-            act: what was decoded.
+            act: the decoded act.
             signature: that came with it.
             body: the bytes it is over, as `decode_act` returned them.
             now_us: when it arrived.
@@ -374,7 +374,7 @@ class Verifier:
         window = windows.get(life)
         if window is None:
             for other in [other for other, old in windows.items() if now_us - old.last_us > 2 * MAX_AGE_US]:
-                del windows[other]  # whatever it has seen is too old by now
+                del windows[other]  # its newest act is too old by now
             if len(windows) >= LIVES:
                 return "too many lives"
             window = windows[life] = ReplayWindow()
@@ -407,7 +407,7 @@ class Trust:
     ) -> "Trust":
         """The trust of a member whose private key is `seed` (32 bytes) and that started at `started_us` (node clock).
 
-        `accepted_us`: what its earlier lives have accepted, as `Verifier` has it.
+        `accepted_us`: the acts that its earlier lives have accepted, as `Verifier` has it.
 
         Raises:
             RosterError: the key is not one.

@@ -9,8 +9,8 @@ def disagreement(ours: SemanticLabel | None, theirs: SemanticLabel | None, offer
     """Why a label is not shared with another member, in words with the place of our definition; empty if it can be.
 
     Args:
-        ours: what the label means here; None: nothing.
-        theirs: what the other says that it means; None: nothing, or what every member has.
+        ours: the label's meaning here; None: none.
+        theirs: the other's statement of its meaning; None: none, or the one that every member has.
         offered_hash: that of the definition under which the other offers a stream; None: it offers none.
     """
     is_same = ours is None or ours == theirs or (theirs is None and offered_hash in {None, ours.type_hash})

@@ -1,4 +1,4 @@
-"""What a platform has promised to export, to whom, and until when (thesis 9.3.3: the export proxy)."""
+"""The exports that a platform has promised, to whom, and until when (thesis 9.3.3: the export proxy)."""
 
 from collections import Counter
 from collections.abc import Callable, Iterable

@@ -1,4 +1,4 @@
-"""What semantic labels mean on one platform: those that every platform has, those of a file, those of a specification.
+"""The meanings of semantic labels on one platform: common ones, those of a file, those of a specification.
 
 Platforms of a group agree on labels by having the same definitions (thesis 9.3.3); `agreement.py` compares them.
 """
@@ -19,7 +19,7 @@ from federation.messages.descriptions import MAX_DEFINITIONS
 MAX_FILE: Final = 128 * 1024
 """Characters of an ontology file."""
 MAX_OWN_CHARACTERS: Final = 24_000
-"""Of their names, sorts and meanings: what a platform says of itself is one message."""
+"""Most characters of their names, sorts and meanings: a platform's description is one message."""
 MAX_ERRORS: Final = 50
 _KEYS = ("sort", "unit", "fields", "meaning")
 _HEADER = re.compile(r"\s*\[\s*[\"']?([^\]\"']*)[\"']?\s*\]")
@@ -49,7 +49,7 @@ class Ontology:
         return len(self._labels)
 
     def copy(self) -> "Ontology":
-        """One that can be changed without changing this one."""
+        """A copy that can be changed without changing this one."""
         return Ontology(self._labels.values())
 
     def get(self, name: str) -> SemanticLabel | None:
@@ -60,7 +60,7 @@ class Ontology:
         return tuple(self._labels.values())
 
     def own(self) -> tuple[SemanticLabel, ...]:
-        """Those that not every platform has anyway."""
+        """The labels that are not common to all platforms."""
         return tuple(label for label in self._labels.values() if label.place != BUILT_IN)
 
     def sorts(self) -> dict[str, Sort]:
@@ -101,11 +101,11 @@ class Ontology:
         self._labels.pop(name, None)
 
     def extended(self, text: str, file: str = "") -> "Ontology":
-        """This ontology with the labels of a TOML text; what both have, must be the same.
+        """This ontology with the labels of a TOML text; labels of both must be the same.
 
         Raises:
-            TextErrors: all that is wrong with the text: it is not TOML, a label in it is not described as in
-                ontology.toml, or means something else already.
+            TextErrors: every error of the text: it is not TOML, a label in it is not described as in ontology.toml, or
+                means something else already.
         """
         return self._with(text, file, "")
 

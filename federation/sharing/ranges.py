@@ -1,4 +1,4 @@
-"""In which range the numbers of a semantic label are, by their units: what samples of others keep before they are taken in.
+"""The ranges of the numbers of semantic labels, by their units: samples of others are checked before they are taken in.
 
 A record is made of them afterwards without a further check: an instant in seconds is one of 64 bits in microseconds, a place
 in metres is one on earth.

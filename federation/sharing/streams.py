@@ -70,7 +70,7 @@ class ExportStream:
         return self._ring[0].seq if self._ring else self.tail + 1
 
     def held(self, first: int, last: int) -> Iterator[codec.StreamSample]:
-        """What is held of numbers first..last, both inclusive."""
+        """The held samples of numbers first..last, both inclusive."""
         start = max(0, first - self.oldest)
         for at in range(start, min(len(self._ring), last - self.oldest + 1)):
             yield self._ring[at]
@@ -87,7 +87,7 @@ class ExportStream:
 
 @dataclass(slots=True)
 class StreamAccount:
-    """What happened to the samples of one imported stream.
+    """Counts of the samples of one imported stream.
 
     `received` counts deliveries, `recovered` those among them that came late or by asking, `duplicates` what was
     dropped because it had been delivered, `stale` what an earlier incarnation of the owner sent, `lost` the numbers
@@ -190,7 +190,7 @@ class ImportStream:
         return fresh
 
     def on_ask_ended(self, question: int, now_us: int) -> None:
-        """No more answers will come: ask again for what is still missing, later each time that nothing came."""
+        """No more answers will come: ask again for missing samples, later each time that nothing came."""
         if question != self._asked:
             return
         self._asked = None
@@ -201,7 +201,7 @@ class ImportStream:
         self._due_us = now_us + (0 if self._progress else self._backoff_us)
 
     def on_time(self, now_us: int) -> list[Ask]:
-        """Ask for what is missing when it is due."""
+        """Ask for missing samples when it is due."""
         if self._asked is not None or self._due_us is None or now_us < self._due_us:
             return []
         self._due_us = None

@@ -91,7 +91,7 @@ class LabelConversion:
         return sample._replace(value=self(sample.value), quality=self.quality(sample.quality))
 
     def quality(self, quality: Quality) -> Quality:
-        """The covariance of converted numbers; one that is not of all fields is left out."""
+        """The covariance of converted numbers; a covariance that is not of all fields is left out."""
         rows = quality.covariance
         if self.is_same or not rows:
             return quality
@@ -121,7 +121,7 @@ class LocalLabel:
 
     Attributes:
         template: the local label; `{unit}` stands for the platform the stream is about.
-        sort: what the platform calls the sort.
+        sort: the platform's name of the sort.
         fields: one for each field of the ontology's sort, by its name there, in the platform's own order.
     """
 
@@ -170,7 +170,7 @@ class Translation:
         return known if known is not None else _default_local(self.ontology[semantic_label])
 
     def local_label(self, semantic_label: str, unit: str) -> Label:
-        """What this platform calls `semantic_label` of `unit`; raises UnknownLabel."""
+        """This platform's label for `semantic_label` of `unit`; raises UnknownLabel."""
         return Label.parse(self._entry(semantic_label).template.replace("{unit}", keys.unit(unit)))
 
     def semantic_label(self, local: Label, unit: str) -> str | None:

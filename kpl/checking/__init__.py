@@ -1,4 +1,4 @@
-"""Is a text meaningful: names, arities, sorts, cycles, and what is probably a mistake (thesis 4.4, 4.5).
+"""Checks whether a text is meaningful: names, arities, sorts, cycles, and probable mistakes (thesis 4.4, 4.5).
 
 Every error is reported with its place and a repair, not only the first. Nothing here runs anything.
 """

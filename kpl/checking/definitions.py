@@ -13,11 +13,12 @@ from kpl.syntax.specification import Define, MonitorDeclaration
 from reasoning.formulas import tree
 
 LIMIT_EXPANDED = 2 * tree.LIMIT_NODES
-"""So large may all formulas of a specification be together, with what their definitions put in."""
+"""Limit of the nodes of all formulas of a specification together, with their definitions expanded."""
 
 
 class Definitions:
-    """What is defined: `define MIN_XY = 15.0` a constant, `define hasCargo[u] = ...` a feature of one object.
+    """The definitions of a specification: `define MIN_XY = 15.0` a constant, `define hasCargo[u] = ...` a feature of
+    one object.
 
     Raises:
         TextError: a definition uses itself.
@@ -71,7 +72,7 @@ class Definitions:
 
     @cached_property
     def _endless(self) -> frozenset[int]:
-        """Definitions (their ids) that come to no end: those made of themselves, and what is made of such."""
+        """Ids of definitions whose expansion does not end: circular ones, and those that use a circular one."""
         left: dict[int, int] = {}
         used_by: dict[int, list[int]] = {}
         for definition in self.features.values():
@@ -97,7 +98,7 @@ class Definitions:
         """The formula over streams only: definitions put in, constants and `self` replaced, sorts checked, domains named.
 
         Raises:
-            TextErrors: with all that is wrong with it.
+            TextErrors: every error in it.
             TextError: a definition uses itself, or the formula grows too large.
         """
         try:
@@ -110,7 +111,7 @@ class Definitions:
         return over_objects(check(whole, vocabulary, text), self._symbols)
 
     def put_in(self, bound: tree.Bound) -> tree.Bound:
-        """The bound of an interval with what is defined in place of its names; raises TextError if that is circular."""
+        """The bound of an interval with its names expanded; raises TextError if a definition is circular."""
         found: tree.Bound = self._expand(bound, ())
         return found
 

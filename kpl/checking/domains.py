@@ -1,4 +1,4 @@
-"""Domains of objects: what a quantifier, or a declaration for each member, ranges over when it names a stream of object states.
+"""Domains of objects: the members of a stream of object states, for a quantifier or a declaration for each member.
 
 `forall c in cars: ...` is about those of `cars.objects` in the state in which it is looked at. They come and go, so that it
 grows by itself.

@@ -33,7 +33,7 @@ class DeclarationErrors(ErrorCollector):
         self.errors.append(error if meant else Unmade(error, str(label)))
 
     def closest(self, name: str, names: Iterable[object]) -> str:
-        """What may have been meant; looked for while there are few errors, since it takes its time."""
+        """The nearest of `names`, as a suggestion; empty after many errors, since the comparison is slow."""
         if len(name) > LONGEST_GUESS or len(self.errors) >= MOST_GUESSES:
             return ""
         every = list(map(str, names))
@@ -43,7 +43,7 @@ class DeclarationErrors(ErrorCollector):
 
     def located(self, message: str, node: Node, repair: str) -> TextError:
         message, repair = shortened(message), repair if len(repair) <= LONGEST_SAID else ""
-        if self.is_old and self.of is not None:  # it is not in the text: what runs needs what is taken from it
+        if self.is_old and self.of is not None:  # not in this text: a running declaration that needs a removed one
             running = print_declaration(self.of)
             return TextError(
                 f"{message}, which the running instance needs", text=running, width=len(running), repair=repair

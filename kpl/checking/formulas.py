@@ -1,4 +1,4 @@
-"""Checks of a formula against what there is: names, numbers of objects, sorts, intervals; every error, not the first.
+"""Checks of a formula against a vocabulary: names, numbers of objects, sorts, intervals; every error, not the first.
 
 A name resolves to a bound variable, else a constant or object, else a feature without arguments, else it is an error.
 Sorts are `boolean`, `number`, `duration`, `object`, `record` (a value of several components, which a formula reads by their
@@ -32,7 +32,7 @@ class FeatureType:
 
 @dataclass(frozen=True, slots=True)
 class Vocabulary:
-    """What names mean. None for features, objects or domains: all names are taken as they come.
+    """The meaning of names. None for features, objects or domains: all names are taken as they come.
 
     `constants` may hold `self`, the platform's own unit; a text constant stands for an object, a number as a bound of
     an interval for milliseconds. Features with attributes are named `cars.link`. `named` are objects, not
@@ -68,7 +68,7 @@ def check(formula: tree.Formula, vocabulary: Vocabulary, text: str = "") -> tree
 
 
 class Checker(ErrorCollector):
-    """Walks one formula. What a feature, an object or a domain is can be looked up elsewhere."""
+    """Walks one formula. Subclasses may look features, objects and domains up elsewhere."""
 
     def __init__(self, vocabulary: Vocabulary, text: str) -> None:
         super().__init__(text)
@@ -113,7 +113,7 @@ class Checker(ErrorCollector):
         return found
 
     def _part(self, node: tree.Formula, sort: Sort) -> str:
-        """What may be written for a record."""
+        """A suggestion in place of a record: one of its fields."""
         return self.part_of(node) if sort == "record" and isinstance(node, tree.Feature) else ""
 
     def part_of(self, feature: tree.Feature) -> str:

@@ -1,4 +1,4 @@
-"""Formulas against the specification around them: what their names resolve to, and the sorts of their values.
+"""Checks of formulas against the specification around them: the meaning of their names, and the sorts of their values.
 
 A name is a bound variable, else a constant or an object, else a stream without objects, else it is wrong, and so is an
 object that nothing is called: it is a free variable. Streams of a feature that is made, but not of these objects, may
@@ -135,7 +135,7 @@ class FormulaChecker(Checker):
         except TextError as wrong:
             self.error(f"{name} has no margins: {wrong.message}", node.place, wrong.repair)
 
-    # What a feature is
+    # The sort of a feature
 
     def _sort(self, node: tree.Feature, label: Label, variables: frozenset[str]) -> Sort:
         streams, arity = self._streams, len(node.objects)
@@ -192,7 +192,7 @@ class FormulaChecker(Checker):
         return "any"
 
     def _sort_of_definition(self, name: str, arity: int) -> Sort:
-        """What it defines; errors inside are reported where it is defined."""
+        """The sort of a definition; errors inside are reported at the definition itself."""
         if (name, arity) not in self._defined:
             self._defined[name, arity] = "any"
             definition, before = self._definitions.features[name, arity], self._is_quiet
@@ -246,7 +246,7 @@ class FormulaChecker(Checker):
         self._unmade(f"{label} is made of objects, and none is named", node.place, label, near, "")
 
     def _free(self, node: tree.Feature) -> None:
-        """Streams of the feature may come later, but not of what nothing is called."""
+        """Report objects without a name: streams of the feature may come later, but not of unknown objects."""
         for one in node.objects:
             if isinstance(one, str) and not (
                 one.isdecimal() or one in self._known.constants or one in self._objects_there

@@ -29,13 +29,13 @@ ON_ROADS: Final = "on_road"
 _ENDS: Final = frozenset({FROM, TO})
 _UNREAD: Final = frozenset({SYMBOL, END, ANCHORED})
 _OWN: Final[Mapping[str, Sort]] = {**dict.fromkeys(STATE_FEATURES, "number"), ON_ROADS: "boolean"}
-"""What every state has."""
+"""The attributes of every state."""
 _HEIGHT: Final = "altitude"
-"""What is derived of one object, where it is no attribute: the altitude, of `altitude_m`."""
+"""The feature derived from an object's `altitude_m`, unless the object has an attribute of that name."""
 
 
 def attributes_of(type_: Label, streams: Streams) -> Mapping[str, Sort] | None:
-    """What the states of objects of a type have, and the sorts of that; None: not all of it is known."""
+    """The attributes of the states of a type of objects, with their sorts; None: not all of them are known."""
     return _attributes(type_, streams, frozenset())
 
 
@@ -115,7 +115,7 @@ class ConditionChecker(FormulaChecker):
         self._is_alone = False
 
     def look_at_conditions(self, target: Label, made: spec.Link | spec.Composite) -> None:
-        """All conditions of what makes objects of one type."""
+        """Check all conditions of a declaration that makes objects of one type."""
         is_composite = isinstance(made, spec.Composite)
         self._types = types_of_ends(made, target)
         streams = self._streams.object_streams

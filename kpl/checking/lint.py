@@ -14,11 +14,11 @@ from kpl.syntax.printing import print_formula
 from reasoning.formulas import tree
 
 SETTLES_US: Final = 500_000
-"""What the repair gives a value to come back; to be chosen for the sensor."""
+"""The time for a value to come back, as the repair suggests it; users choose it for their sensor."""
 
 
 class Remark(NamedTuple):
-    """The message about a node, and what may have been meant."""
+    """A message about a node, and a suggestion."""
 
     node: tree.Node
     message: str
@@ -70,7 +70,7 @@ def withdrawn_and_back(link: spec.Link) -> Iterator[Remark]:
 
 
 def _measured(formula: tree.Formula) -> Iterator[tree.Feature]:
-    """Features that are compared by size: what can be a little wrong."""
+    """Features that are compared by size, so that a small error of measurement can change the result."""
     for node in tree.walk(formula):
         if isinstance(node, tree.Compare) and node.operator not in {"=", "!="}:
             yield from (one for one in tree.walk(node) if isinstance(one, tree.Feature))

@@ -1,4 +1,4 @@
-"""The streams that declarations need: what they are made from, and what their formulas speak of."""
+"""The streams that declarations need: their inputs, and the streams in their formulas."""
 
 from collections.abc import Iterator
 from typing import Final, NamedTuple
@@ -30,7 +30,7 @@ def needs_of(made: spec.Making) -> Iterator[Need]:
 
 
 def conditions_of(made: spec.Making) -> tuple[tree.Formula, ...]:
-    """The formulas of a link or of composites; what is read from the states of both ends is among what they speak of."""
+    """The formulas of a link or of composites; attributes of the states of both ends are read by them, too."""
     match made:
         case spec.Link(establish=first, reestablish=second, maintain=third):
             return first, second, third

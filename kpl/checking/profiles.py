@@ -13,7 +13,7 @@ from reasoning.monitoring.profiles import AIRCRAFT, Profile, Threshold
 
 
 def unit_vocabulary(unit: str, constants: Mapping[str, Constant] | None = None) -> Vocabulary:
-    """What names mean on the platform `unit`: the derived features, the domain `units`, and `self`."""
+    """The meaning of names on the platform `unit`: the derived features, the domain `units`, and `self`."""
     features = {name: FeatureType(feature.arity, feature.sort) for name, feature in FEATURES.items()}
     return Vocabulary(features, domains=("units",), constants={**(constants or {}), "self": unit})
 

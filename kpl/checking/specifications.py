@@ -1,4 +1,5 @@
-"""Does a specification make a network? Names, arities, sorts, cycles, and what is unreachable (thesis 4.4, 4.5).
+"""Does a specification make a network? Checks of names, arities, sorts, cycles, and unreachable declarations (thesis
+4.4, 4.5).
 
 Labels of members (`pos[car]` in `for car in ...`, select and merge) stand for all labels that they can become.
 """
@@ -48,9 +49,9 @@ def check_change(
     new: Sequence[spec.Declaration],
     text: str = "",
 ) -> tuple[TextError, ...]:
-    """What is wrong with `symbols` now that these have gone and come, if nothing was before: as if all were looked at.
+    """Check a change incrementally: equals a check of all `symbols` if they were valid before the change.
 
-    Looked at is what is new, and what depends on what changed.
+    Only new declarations and dependents of the changed ones are checked.
     """
     touched = {id(each): each for each in new}
     waiting = [*gone, *new]
@@ -233,7 +234,7 @@ class _Checker(DeclarationErrors):
             self.wrong(f"there is no sort {sort}", node, self.closest(sort, self.known.sorts))
 
     def _check_member(self, variable: str, body: spec.Declaration) -> None:
-        """What is declared for each member depends on each of its objects."""
+        """A declaration for each member must depend on each of its objects."""
         match body:
             case spec.GeneratorDeclaration(label):
                 if variable not in label.objects:
@@ -374,7 +375,7 @@ class _Checker(DeclarationErrors):
         self.of, self.is_old = made.declaration, id(made.declaration) not in from_text
 
     def _before(self, made: Symbol) -> Iterable[Symbol]:
-        """What it needs."""
+        """The symbols that make its inputs."""
         return {
             id(one): one for need in made.takes for one in self.symbols.makers(need.term.label, need.variables)
         }.values()

@@ -1,4 +1,4 @@
-"""Streams that there are and their sorts: of what is declared, and of what is there without the specification."""
+"""Streams and their sorts: those that are declared, and those that exist without the specification."""
 
 from collections.abc import Sequence
 from functools import cached_property
@@ -79,7 +79,7 @@ class Streams:
         return kind is not None and kind.arity == len(label.objects) and self._is_derived(label.feature)
 
     def has(self, label: Label, variables: frozenset[str] = NOTHING) -> bool:
-        """Whether it has a producer, or what it is an attribute of has."""
+        """Whether the label, or the stream whose attribute it is, has a producer."""
         whole = label._replace(feature=stem(label))
         for made in self.symbols.makers(label, variables):
             is_of_all = isinstance(made.made, spec.Link | spec.Composite | spec.Belief)
@@ -140,7 +140,7 @@ class Streams:
         return self._sort_of(label, variables, frozenset())
 
     def record(self, label: Label, variables: frozenset[str] = NOTHING) -> Sort | None:
-        """What the values of `label`, or of what it is an attribute of, are known to be; None if they are unchecked."""
+        """The sort of the values of `label`, or of the stream whose attribute it is; None if they are unchecked."""
         if label.feature in self.known.figures:
             return None
         whole = label._replace(feature=stem(label))
@@ -156,7 +156,7 @@ class Streams:
         return self._linked(makers) if shape is None and makers else shape
 
     def _linked(self, makers: Sequence[Symbol]) -> Sort | None:
-        """What the states of linked objects are, where no sort is declared for them: by all links that make them."""
+        """The sort of the states of linked objects where none is declared, from all links that make them."""
         from anchoring.belief.live.records import BELIEF_SORT
         from anchoring.percepts.records import object_sort
 
@@ -175,7 +175,7 @@ class Streams:
         return object_sort(feature, below, is_on_roads=is_on_roads, is_placed=is_placed)
 
     def lacks(self, label: Label, variables: frozenset[str] = NOTHING) -> tuple[str, str] | None:
-        """What is wrong with an attribute that the values of a stream are known not to have, and which they have."""
+        """Message and repair for an attribute that the values of a stream are known not to have."""
         whole, attribute = label._replace(feature=stem(label)), label.feature.partition(".")[2]
         if attribute == OBJECTS and self.objects(whole) is None:
             said = f"{whole} is no stream of object states, whose sort begins with `{SYMBOL} in text`"
@@ -192,7 +192,7 @@ class Streams:
         return f"{whole} is of sort {record.name}, which has no field {attribute}; {has}", str(repair)
 
     def names_no_objects(self, label: Label, variables: frozenset[str] = NOTHING) -> str:
-        """What is wrong with a stream of members whose values are known not to name any."""
+        """The message if the values of a stream of members are known to name no objects; else empty."""
         if self.objects(label) is not None:
             return ""
         sort = self.sort_of(label, variables)

@@ -1,4 +1,4 @@
-"""The symbol table of a specification: what each declaration names, makes, takes and reads.
+"""The symbol table of a specification: the names of each declaration, its output and its inputs.
 
 `symbol_of` is the one place where a kind of declaration says so. The table is kept up to date as declarations come and go,
 so that a change is cheap to judge; checks, the running instance and its graph read it.
@@ -37,7 +37,7 @@ _Index: TypeAlias = dict[Any, dict[int, "Symbol"]]
 
 
 class Known(NamedTuple):
-    """What is there without the specification.
+    """Definitions outside the specification.
 
     Attributes:
         sorts: the names of all sorts; None: any name is a sort.
@@ -46,7 +46,7 @@ class Known(NamedTuple):
         labels: sorts of generators that are there already.
         semantic: the ontology's semantic labels, by name; None: any name is one.
         running, figures: declarations that an instance holds already; features of one object that it says of itself.
-        values: what the values of sorts are; those of others are unchecked.
+        values: the sorts of values, by name; values of other sorts are unchecked.
         roads, frame: those on which objects are unless others are declared; of x_m and y_m of what cameras see here.
         offered: names of what else sources and units can be made from.
         unread: words of statements that could not be read: nothing called so is missing.
@@ -71,8 +71,8 @@ class Symbol:
     """One declaration, as others see it.
 
     Attributes:
-        kind, names: what nothing else of that kind may be called.
-        label: of what it makes; without a feature it makes no stream. The `variables` in it, of a family, stand for any
+        kind, names: the names that no other declaration of that kind may have.
+        label: of its output; without a feature there is no stream. The `variables` in it, of a family, stand for any
             object.
         takes: the streams it takes.
         reads: the streams that its formula speaks of; a domain is one, too.
@@ -93,7 +93,7 @@ class Symbol:
 
     @property
     def needs(self) -> tuple[Need, ...]:
-        """What it takes and reads."""
+        """Its inputs and the streams that its formula reads."""
         return (*self.takes, *self.reads)
 
     @property
@@ -106,7 +106,7 @@ class Symbol:
 
 
 def symbol_of(declaration: spec.Declaration) -> Symbol:
-    """What a declaration names, makes, takes and reads."""
+    """The names, output and inputs of a declaration."""
     match declaration:
         case spec.SourceDeclaration(_, name) | spec.UnitDeclaration(_, name):
             return Symbol(declaration, MAKER, (name,))
@@ -141,7 +141,7 @@ def symbol_of(declaration: spec.Declaration) -> Symbol:
 
 
 class SymbolTable:
-    """Declarations by what they name, make and need, with what is `known` without them.
+    """Declarations by name, output and input, with the definitions in `known`.
 
     Equal ones are held apart, so that both can be complained of.
     """
@@ -205,12 +205,12 @@ class SymbolTable:
         return next((each.declaration for each in held.values() if each.declaration == declaration), None)
 
     def named(self, kind: str, name: object) -> spec.Declaration | None:
-        """What is called so; of several the first."""
+        """The declaration of that name; of several the first."""
         symbol = next(iter(self._named.get(kind, {}).get(name, {}).values()), None)
         return None if symbol is None else symbol.declaration
 
     def others(self, symbol: Symbol, name: object) -> Iterator[spec.Declaration]:
-        """What is called like it and was declared before it; links from different streams into one type may be."""
+        """Earlier declarations of the same name; links from different streams into one type may share it."""
         for each in self._named.get(symbol.kind, {}).get(name, {}).values():
             if each is symbol:
                 return
@@ -218,7 +218,7 @@ class SymbolTable:
                 yield each.declaration
 
     def of_kind(self, kind: str) -> Iterator[spec.Declaration]:
-        """What has a name of that kind; of several with one name the first."""
+        """All declarations of that kind; of several with one name the first."""
         return (next(iter(held.values())).declaration for held in self._named.get(kind, {}).values())
 
     def names(self, kind: str) -> Collection[object]:
@@ -255,7 +255,7 @@ class SymbolTable:
         return None if self.known.semantic is None else sorted({*declared, *self.known.semantic})
 
     def shape(self, name: str) -> Sort | None:
-        """What the values of a sort are; None if nothing says so."""
+        """The declared sort of that name; None if there is none."""
         declared = self.named(SORT, name)
         if isinstance(declared, spec.SortDeclaration):
             return declared.sort
@@ -279,7 +279,7 @@ class SymbolTable:
         return [each.name for each in self.of_kind(MAKER) if isinstance(each, spec.UnitDeclaration)]
 
     def labels(self, but: spec.Declaration | None = None, like: Label = _NO_LABEL) -> tuple[Label, ...]:
-        """The labels of all that is made, but of one, and of what is there already.
+        """The labels of all declared and known streams, but of one declaration.
 
         Families are as they are written, or of the objects of the label that they are compared with.
         """
@@ -292,7 +292,7 @@ class SymbolTable:
         return (*map(of_one, made), *self.known.labels)
 
     def makers(self, label: Label, variables: frozenset[str] = NOTHING) -> Iterator[Symbol]:
-        """All that may make this label; `cars.link[car1]` is an attribute of what `cars` makes."""
+        """All declarations that may make this label; `cars.link[car1]` is an attribute of the states in `cars`."""
         if label.feature in self._features:
             if is_pattern(label, variables):
                 some = self._features[label.feature].values()
@@ -304,11 +304,11 @@ class SymbolTable:
             yield from self._features.get(stem(label), {}).values()
 
     def of_feature(self, feature: str) -> Iterable[Symbol]:
-        """All that make streams of one feature."""
+        """All makers of streams of one feature."""
         return self._features.get(feature, {}).values()
 
     def dependent(self, declaration: spec.Declaration) -> Iterator[spec.Declaration]:
-        """Those for which it matters that it comes or goes: they need what it makes, or are made from what it is."""
+        """Dependents of a declaration: readers of its output, and instances of it."""
         made = self._symbols.get(id(declaration)) or symbol_of(declaration)
         dependent: list[Symbol] = []
         match declaration:

@@ -147,7 +147,7 @@ def _is_raw(feature: Feature, symbols: SymbolTable) -> bool:
 
 
 class Makers:
-    """Producers of a feature of given objects; what figures, definitions and derived `features` are called is made."""
+    """Producers of a feature of given objects; figures, definitions and derived `features` count as made."""
 
     def __init__(self, symbols: SymbolTable, features: Collection[str]) -> None:
         self._symbols, self._streams = symbols, Streams(symbols)
@@ -158,7 +158,7 @@ class Makers:
     def unread(self, formula: Formula, errors: DeclarationErrors) -> Iterator[TextError]:
         """Of features of objects that nothing is called like; names without objects may be more than features.
 
-        What is of one end of a link was looked at as a condition.
+        Features of one end of a link have been checked as conditions.
         """
         for node in walk(formula):
             if not isinstance(node, Feature) or not node.objects or is_of_end(label_of(node)[0]):

@@ -11,7 +11,7 @@ Made = TypeVar("Made")
 
 
 class ErrorCollector:
-    """The errors of one text, each with its place; what reads or checks a text is one, or holds one.
+    """The errors of one text, each with its place; readers and checkers are one, or hold one.
 
     Attributes:
         errors: in the order in which they were met.
@@ -35,7 +35,7 @@ class ErrorCollector:
             self.errors.append(TextError.at(place, message, text=self.text, repair=repair))
 
     def attempt(self, make: Callable[[], Made], place: Place, otherwise: Made, repair: str = "") -> Made:
-        """What `make` returns; if it raises TextError, its message becomes an error here, and `otherwise` is returned."""
+        """The result of `make`; if it raises TextError, its message becomes an error here, and the result `otherwise`."""
         try:
             return make()
         except TextError as error:

@@ -1,4 +1,4 @@
-"""What is written wrong in our texts, read from the TOML files next to this module at the first error, not before."""
+"""Mistakes of each language, read from the TOML files next to this module at the first error, not before."""
 
 import re
 import tomllib

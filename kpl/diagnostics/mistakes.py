@@ -72,7 +72,7 @@ def _diagnose(
     marks: Callable[[], Mapping[Mark, Mistake]],
     language: Language,
 ) -> Diagnosis:
-    """The most particular of what is known about the token at which the parser stopped; "" is the end of the text."""
+    """The most particular diagnosis of the token at which the parser stopped; "" is the end of the text."""
     if not text.strip():
         return Diagnosis(*language.empty, 0, 1)
     diagnosis = (

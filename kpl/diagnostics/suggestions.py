@@ -23,7 +23,7 @@ _LONGEST: Final = 12
 
 
 class Diagnosis(NamedTuple):
-    """What is wrong, what to write, and where: offset and width in characters."""
+    """A message, a repair, and their place: offset and width in characters."""
 
     message: str
     repair: str
@@ -35,7 +35,7 @@ class ErrorContext(NamedTuple):
     """A place where a text leaves the grammar.
 
     Attributes:
-        before: the statement up to there, or the end of what is before.
+        before: the statement up to there, or the end of the statement before.
         stopped: the token there; empty at the end.
         wanted: the terminals that could have stood there.
     """
@@ -79,7 +79,7 @@ class ErrorContext(NamedTuple):
 
     @property
     def form(self) -> str:
-        """What could be written instead, if all else fails."""
+        """The form of the statement or policy, as the last suggestion."""
         forms = table("suggestions")
         if self.in_policy and self.statement not in {"monitor", ""}:
             return str(forms["policy"])

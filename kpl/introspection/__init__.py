@@ -1,4 +1,4 @@
-"""What a running specification says of itself: its graph, figures, records, its governor, its verification.
+"""Introspection of a running specification: its graph, figures, records, its governor, its verification.
 
 Figures are streams like any other. The governor changes policies when there is too much to do (thesis 10.7).
 """

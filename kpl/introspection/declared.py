@@ -1,4 +1,4 @@
-"""What families, chronicles and quantified formulas take as they are declared, also while there is no member.
+"""The inputs of families, chronicles and quantified formulas as they are declared, also while there is no member.
 
 Their nodes and edges are those of the declaration: `offset[a, b]` takes `car_pair[a, b]`, and the chronicles of a file take
 the streams whose attributes change.

@@ -30,7 +30,7 @@ def drawn(graph: Graph, form: str) -> str:
 
 
 def as_text(graph: Graph) -> str:
-    """For display: each node, and what it takes below it."""
+    """For display: each node, with its inputs below it."""
     lines: list[str] = []
     for node in graph.nodes:
         made = f" = {node.made_by}" if node.made_by else ""

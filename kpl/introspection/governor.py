@@ -150,7 +150,7 @@ class Governor:
 
     Attributes:
         load: the part of the last second that was spent computing, from 0 to 1.
-        steps: what is done less now, the last step last.
+        steps: the reductions now in force, the last one last.
     """
 
     def __init__(self, instance: Instance, waited_us: Callable[[], int], now_us: int, limit_us: int = LIMIT_US) -> None:
@@ -185,7 +185,7 @@ class Governor:
         return self.overloaded or self.load > ROOM
 
     def refusals(self, new: Iterable[spec.Declaration], text: str) -> list[TextError]:
-        """What there is to say against declarations that are work, while there is no time for more."""
+        """Errors for declarations that cost time, while there is no time for more."""
         idle = spec.SourceDeclaration | spec.UnitDeclaration | spec.Define
         work = next((each for each in new if not isinstance(each, idle)), None)
         if work is None or not self.full:
@@ -221,7 +221,7 @@ class Governor:
             self._back(now_us)
 
     def _measure(self, now_us: int) -> None:
-        """The longest delay of what came lately, and how much of the last second was spent computing."""
+        """Measure the longest recent delay, and the share of the last second that was spent computing."""
         waited_us = self._waited_us()
         self._looks.append((now_us, waited_us))
         while len(self._looks) > 2 and self._looks[1][0] <= now_us - US_PER_S:
@@ -234,7 +234,7 @@ class Governor:
         self._worst_us = 0.0 if newest is NO_VALUE else newest * US_PER_MS
 
     def _improves(self) -> bool:
-        """Whether the last step shows: what waits already takes its time."""
+        """Whether the delay has fallen since the last step."""
         improves = bool(self.steps) and self._worst_us < self._delay_then_us
         self._delay_then_us = self._worst_us
         return improves
@@ -291,7 +291,7 @@ class Governor:
 
 
 def speaks(network: Network) -> None:
-    """Declare the stream of what a governor tells."""
+    """Declare the stream of the governor's steps."""
     network.add_source(REFINEMENTS, SORT)
 
 
@@ -301,7 +301,7 @@ def listens(specification: Iterable[spec.Declaration]) -> bool:
 
 
 def _importances(instance: Instance) -> dict[int, float]:
-    """How important each stream is, by its identity: at least as important as what is made of it."""
+    """The importance of each stream, by its identity: at least that of every stream computed from it."""
     served = [*instance.streams.values(), *(each for one in instance.monitors.values() for each in one.states.proxies)]
     taken = {label: [*inputs_taken(instance.network.process(label))] for label in instance.network.labels()}
     found: dict[int, float] = {}

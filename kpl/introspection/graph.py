@@ -1,6 +1,6 @@
-"""What an instance does, as a graph: what makes which stream of what, how often, how late, and what was dropped.
+"""The graph of an instance: the maker and inputs of each stream, its rate, its delay, and dropped samples.
 
-Figures come from what is kept anyway, so that nothing is spent without a reader: rate and delay from the last
+Figures come from data that is kept anyway, so that they cost nothing without a reader: rate and delay from the last
 samples of a history, drops and gaps from the adapters.
 """
 
@@ -136,7 +136,7 @@ def _other_than(generators: Collection[str], kind: str, name: str) -> str:
 
 
 def _with_federation(instance: Instance, nodes: list[GraphNode], edges: list[Edge]) -> Graph:
-    """The network with what comes from other platforms and goes to them."""
+    """The graph with the streams that are imported and exported."""
     compiler = instance.compiler
     imported = {}
     for each in instance.specification:
@@ -156,7 +156,7 @@ def _with_federation(instance: Instance, nodes: list[GraphNode], edges: list[Edg
 def origins_of(instance: Instance, name: str, valid_us: int) -> dict[str, Origin]:
     """How each value of the state was obtained that a declared stream has delivered, or that its sample was made from.
 
-    By input; of what is made from no state: nothing.
+    By input; empty for a value that is not made from a state.
     """
     return _origins(instance.network, _process_of(instance, name), valid_us, LONGEST_CHAIN)
 
@@ -179,7 +179,7 @@ def maker_of(instance: Instance, name: str, sample: Sample) -> Label | None:
 
 
 def _process_of(instance: Instance, name: str) -> object:
-    """What makes a declared stream, if there is a process."""
+    """The process of a declared stream, if there is one."""
     label = instance.streams[name].label if name in instance.streams else None
     return instance.network.process(label) if label is not None and instance.network.has(label) else None
 
@@ -191,7 +191,7 @@ def awaits_us(instance: Instance) -> int:
     def behind(label: Label) -> int:
         if label not in known:
             process = network.process(label) if network.has(label) else None
-            waits = isinstance(process, StateStreamProcess)  # for nothing that comes later than it is made
+            waits = isinstance(process, StateStreamProcess)  # for no sample later than the state is made
             own_us = process.max_delay_us if isinstance(process, StateStreamProcess) else 0
             if isinstance(process, RefinementProcess) and process.prototype.cost_us:
                 own_us = LATE_US + process.prototype.cost_us
@@ -251,7 +251,7 @@ def _monitor_node(name: str, declared: str, monitor: FormulaMonitor) -> GraphNod
 
 
 def _made_by(process: object) -> str:
-    """What a process is made from, and where it runs unless that is here."""
+    """The prototype of a process, and its place unless it runs here."""
     prototype = getattr(process, "prototype", None)
     if not isinstance(prototype, UnitPrototype | SourcePrototype):
         return ""

@@ -1,8 +1,8 @@
-"""A network as a picture, SVG: what is made of what, from left to right.
+"""A network as a picture, SVG: streams with the streams made of them, from left to right.
 
-Layers are the longest ways from what takes nothing; an edge over several layers has a place in each of them. Places in
-a layer are ordered by the mean of those that they are connected with, back and forth a few times (Sugiyama, Tagawa and
-Toda, 1981).
+A node's layer is the length of the longest path to it from a node without inputs; an edge over several layers has a
+place in each of them. Places in a layer are ordered by the mean of those that they are connected with, back and forth a
+few times (Sugiyama, Tagawa and Toda, 1981).
 """
 
 from collections import defaultdict
@@ -31,7 +31,7 @@ _Place: TypeAlias = tuple[str, int]
 def as_svg(graph: Graph) -> str:
     """A picture of the network; an edge that leads back is drawn, and counts for no layer.
 
-    Chronicles that nothing takes, and what may still be recognised of them, are left out.
+    Chronicles without a reader, and their partial instances, are left out.
     """
     taken = {edge.source for edge in graph.edges}
     nodes = {node.name: node for node in graph.nodes if node.name in taken or node.sort not in _RECOGNISED}
@@ -59,7 +59,7 @@ def as_svg(graph: Graph) -> str:
 
 
 def _layers(names: Iterable[str], edges: Sequence[tuple[str, str]]) -> dict[str, int]:
-    """The longest way to each; whatever closes a circle is left out."""
+    """The length of the longest path to each node; edges that close a circle are left out."""
     makers = defaultdict[str, list[str]](list)
     for source, target in edges:
         makers[target].append(source)
@@ -127,12 +127,12 @@ def _positions(columns: Sequence[Sequence[_Place]], wide: Mapping[str, float]) -
 
 
 def _height(place: _Place) -> float:
-    """Of a box, or of an edge that passes, with what lies below it."""
+    """The height of a box, or of an edge that passes, with the gap below it."""
     return _GAP_Y * 1.5 if "\n" in place[0] else _HIGH + _GAP_Y
 
 
 def _lines(node: GraphNode) -> list[str]:
-    """The name, and what makes it."""
+    """The name, and the kind or maker."""
     kind = node.made_by or ("" if node.kind in {"stream", "monitor", "source", ""} else node.kind)
     return [node.name, *([kind] if kind else [])]
 

@@ -107,5 +107,5 @@ class FaultLog:
             self._tell(f"{label}: {said}{more}")
 
     def clear(self) -> None:
-        """Restart: what failed may have been mended."""
+        """Restart the counts: the failures may have been repaired."""
         self._counts.clear()

@@ -22,7 +22,7 @@ Streams = Mapping[str, Sequence[Sample]]
 
 
 class Violation(NamedTuple):
-    """What is wrong: the stream, the sample, and why."""
+    """A violation: the stream, the sample, and the reason."""
 
     name: str
     sample: Sample | None
@@ -42,7 +42,7 @@ def verify(
     """All violations of a specification, at most MAX_VIOLATIONS of each kind.
 
     Args:
-        specification: what was run.
+        specification: the one that was run.
         labels: the recorded samples of generators, by label, by available time.
         streams: those of declared streams, by name.
         make: an empty instance with the units that were used, over this network.
@@ -82,7 +82,7 @@ def broken_constraints(name: str, policy: Policy, samples: Iterable[Sample]) -> 
 def rerun(
     specification: Specification, labels: Streams, streams: Streams, make: Callable[[Network, Hooks], Instance]
 ) -> list[Violation]:
-    """Where the record differs from what the specification makes of the recorded samples of its sources."""
+    """Violations where the record differs from the output of the specification for the recorded source samples."""
     made: dict[str, list[Sample]] = {}
     network = Network(MAX_HISTORY)
     instance = make(network, Hooks(lambda name, sample: made.setdefault(name, []).append(sample)))
@@ -113,7 +113,7 @@ def rerun(
 
 
 def differences(name: str, recorded: Sequence[Sample], made: Sequence[Sample]) -> list[Violation]:
-    """The first sample at which a record and what should have been made part; a timer may have gone off late."""
+    """The first difference between a record and the expected samples; a timer may have gone off late."""
     for old, new in zip(recorded, made, strict=False):
         if old[1:] != new[1:]:
             said = f"the specification makes {new.value!r}, valid at {print_duration(new.valid_us)}, of its inputs"
@@ -147,7 +147,7 @@ def _advance(network: Network, until_us: int) -> None:
 
 
 def _watch(network: Network, watched: set[Label], kept: dict[str, list[Sample]]) -> None:
-    """What is recorded was computed."""
+    """Have all generators computed, since the record holds them."""
     for label in network.labels():
         if label not in watched:
             watched.add(label)

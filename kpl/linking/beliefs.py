@@ -1,7 +1,8 @@
-"""Streams of beliefs: what exists by an environment model that is fed by streams of percepts, as records of a sort.
+"""Streams of beliefs: the instances of an environment model that is fed by streams of percepts, as records of a sort.
 
-A percept stream is one source, with the stream of what it looks at, if there is one: each of its views is a look, in which
-what is in view and not reported was not seen. Its instances are states of objects; a record is as certain as the instance exists.
+A percept stream is one source, with the stream of its views, if there is one: each view is a look, and an instance in
+view without a report was overlooked. Its instances are states of objects; a record is as certain as the instance
+exists.
 """
 
 from collections.abc import Callable, Iterable, Sequence
@@ -46,9 +47,9 @@ class BeliefStream(OnDemand):
 
     Args:
         world: the model and its prior knowledge.
-        inputs: what it takes.
+        inputs: its input streams.
         readers: of the percepts of each source.
-        sources: those that observe.
+        sources: the observing ones.
         is_own: of each source, whether all of one time comes at one instant.
         sort: of the records.
         prefix: of the names of instances.
@@ -106,10 +107,10 @@ class BeliefStream(OnDemand):
 
     @property
     def beliefs(self) -> WorldWatch:
-        """What is believed, and what happened."""
+        """The model's instances, and their events."""
         return self.watch
 
-    # What is learnt
+    # Learnt knowledge
 
     def remember(self, text: str, file: str) -> None:
         """Know what was learnt before.
@@ -125,7 +126,7 @@ class BeliefStream(OnDemand):
         self.watch.informed.knowledge.learnt.update(self._learnt)
 
     def learnt(self) -> str:
-        """What has been learnt, the newest last, as `remember` reads it."""
+        """The learnt knowledge, the newest last, as `remember` reads it."""
         known = self.watch.informed.knowledge.learnt.values()
         return "\n".join(print_known(each, self._world.model) for each in known)
 
@@ -187,7 +188,7 @@ class BeliefStream(OnDemand):
             self.emit(valid_us, self._records.value(each), max(now_us, valid_us), quality_of(each))
 
     def _report(self) -> None:
-        """What was not taken as it came: the first of each kind, then whenever it has doubled."""
+        """Report percepts that were left out: the first of each kind, then whenever the count has doubled."""
         for why, count in (*self._gatherer.left_out.items(), *self.watch.counts.items()):
             if count >= 2 * self._faults.get(why, 0) and count:
                 self._faults[why] = count
@@ -195,7 +196,7 @@ class BeliefStream(OnDemand):
 
 
 def trust_in(network: Network, unit: str) -> float:
-    """How far a platform is trusted by what is believed here: the least of all models that it is a source of; 1 of others."""
+    """The trust of the beliefs here in a platform: the least of all models that it is a source of; 1 for others."""
     processes = (network.process(label) for label in network.labels())
     return min(
         (
@@ -217,7 +218,7 @@ def belief_stream(
     sort: Sort,
     origin: tuple[float, float] | None,
 ) -> BeliefStream:
-    """What a declaration makes.
+    """The process of a `believe` declaration.
 
     Args:
         made: the declaration.

@@ -1,4 +1,4 @@
-"""Streams that conditions of links speak of, each taken while it is asked for: by what it was at the time of a state.
+"""Streams that conditions of links read, each taken on demand: by their values at the time of a state.
 
 The value of a stream is its newest one at that time. It counts for `LASTS_US`, or twice as long as lies between two of its
 samples if that is longer: a stream that is silent is not known to hold. An event belongs to the first state that is not
@@ -48,7 +48,7 @@ class TakenStreams:
     """The streams that the conditions of one linkage read.
 
     Args:
-        label: of a stream, with what is meant by `self` put in.
+        label: of a stream, with the unit in place of `self`.
         fault: called with what goes wrong.
     """
 
@@ -77,7 +77,7 @@ class TakenStreams:
 
     @property
     def labels(self) -> tuple[Label, ...]:
-        """What is taken now."""
+        """The streams that are taken now."""
         return tuple(self._taken)
 
     def value(self, label: Label, valid_us: int) -> Value:
@@ -142,7 +142,7 @@ class TakenStreams:
         except TextError as wrong:
             self._fault(f"{label}: {wrong.message}")
         else:
-            taken.events_us.clear()  # what was there before is no event
+            taken.events_us.clear()  # samples from before are no events
         return taken
 
     def _sweep(self, valid_us: int) -> None:

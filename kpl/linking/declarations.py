@@ -1,8 +1,8 @@
 """From `strmgen b = link(a, cu, e, r, m) with ...` and `strmgen c = composite(b, t, s)` to link specifications.
 
-The types of objects are the labels of their streams; several links with one label lead into one type. What is defined
-stands for its definition in conditions; that holds for `thresh`, too, which is then fixed. The units of links are those of
-`LINK_UNITS`, and those of users.
+The types of objects are the labels of their streams; several links with one label lead into one type. Definitions are
+expanded in conditions; so is that of `thresh`, which is then fixed. The units of links are those of `LINK_UNITS`, and
+those of users.
 """
 
 from collections.abc import Callable, Container, Iterable, Iterator, Mapping, Sequence
@@ -42,7 +42,7 @@ UserUnit: TypeAlias = Callable[[Label, spec.Link], StateUnit | None]
 
 
 def same_state(state: ObjectState, _before: ObjectState | None) -> ObjectState:
-    """The unit of types that differ in what they are called."""
+    """The unit of links between types that differ in name only."""
     return state
 
 
@@ -74,7 +74,7 @@ def percept_labels(links: LinkDeclarations) -> tuple[Label, ...]:
 
 
 class LinkageKey(NamedTuple):
-    """What a linkage depends on: while it is the same, objects keep their symbols.
+    """The inputs of a linkage: while they are equal, objects keep their symbols.
 
     Attributes:
         links: the declarations that are chained, in the order given, with definitions put into their conditions.
@@ -156,7 +156,7 @@ def linkages(
 def link_specifications(
     key: LinkageKey, unit_of: UserUnit = lambda _label, _made: None
 ) -> tuple[AnySpecification, ...]:
-    """What chained declarations come to.
+    """The link specifications of chained declarations.
 
     Raises:
         TextError: there is no such unit of links, or something needs roads.
@@ -229,7 +229,7 @@ def _weighed(name: str, key: LinkageKey, found: Specification) -> Specification:
 
 
 def _predictor(made: spec.Link, roads: RoadNetwork | None) -> Predictor | None:
-    """What predicts objects that are not seen; None: the general model."""
+    """The predictor of objects that are not seen; None: the general model."""
     options: LinkOptions = made.options
     if _is_ready_world(made) and not options.predict:
         return MotionPredictor()

@@ -28,7 +28,7 @@ def check_conditions(links: LinkDeclarations, symbols: SymbolTable, text: str) -
     """Look at the names in all conditions.
 
     Raises:
-        TextErrors: with all that is neither an attribute nor declared.
+        TextErrors: every name that is neither an attribute nor declared.
     """
     percepts = {label.feature for label in percept_labels(links)}
     known, symbols.known = symbols.known, symbols.known._replace(unread={*symbols.known.unread, *percepts})
@@ -64,7 +64,7 @@ class OfflineConditions:
         raise_all(errors.errors)
 
     def _around(self, condition: tree.Formula, ends: Mapping[str, Label]) -> Iterator[tuple[tree.Node, str]]:
-        """What is neither of the ends nor of other objects of the linkage, with its name."""
+        """Nodes that are about neither the ends nor other objects of the linkage, with their names."""
         events = {id(node.event) for node in tree.walk(condition) if isinstance(node, tree.Occurred)}
         for node in tree.walk(condition):
             if isinstance(node, tree.Occurred):

@@ -26,11 +26,11 @@ from kpl.linking.wants import Wanted, Wants
 from navigation import LocalFrame
 
 AHEAD_US: Final = US_PER_S
-"""A state that is valid so much later than it came is none: all that come in their time would be late after it."""
+"""A state whose valid time is further ahead than this is dropped: it would make all states in between late."""
 
 
 class PerceptInput(NamedTuple):
-    """A stream at the beginning of the chain, and what its records are."""
+    """A stream at the beginning of the chain, and the sort of its records."""
 
     taken: Input
     sort: Sort
@@ -44,7 +44,7 @@ class SharedLinkage:
         declared: the unit and the options of each link, by its name.
         frame: about which positions in degrees are taken.
         wants: objects that are looked for.
-        label: of a stream that conditions speak of, with what is meant by `self` put in.
+        label: of a stream in conditions, with the unit in place of `self`.
 
     Attributes:
         streams: those with subscribers, in the order in which they had the first.
@@ -86,7 +86,7 @@ class SharedLinkage:
 
     @property
     def linkage(self) -> ObjectLinkage:
-        """Of the objects since there was a subscriber; it looks for what is wanted now."""
+        """The linkage, updated to the wants as they are now; its objects begin with the first subscriber."""
         if self._wanted is not self._wants.all:
             before, self._wanted = self._wanted, self._wants.all
             for each in before:
@@ -112,7 +112,7 @@ class SharedLinkage:
                 self.taken.end()
 
     def take(self, i: int, sample: Sample) -> str:
-        """A sample of one of the inputs, of a tick that is not complete; what is wrong with it, or an empty text."""
+        """Take a sample of one of the inputs into an incomplete tick; returns its error, or an empty text."""
         percept = self._readers[i].percept(sample)
         if percept is None:
             return ""
@@ -151,7 +151,7 @@ class SharedLinkage:
         return predict_us if due_us is None else min(due_us, predict_us)
 
     def notes(self, type_: str) -> tuple[str, ...]:
-        """Of one type: how many are linked, by which links, and what has failed."""
+        """Of one type: the number of linked objects, by link, and the failures."""
         linkage, found = self.linkage, list[str]()
         for process in linkage.into.get(type_, ()):
             links = [
@@ -208,7 +208,7 @@ class LinkStream(OnDemand):
 
     @property
     def specifications(self) -> Sequence[LinkSpecification]:
-        """What links the whole chain."""
+        """The links of the whole chain."""
         return tuple(each for each in self._shared.specifications if isinstance(each, LinkSpecification))
 
     def there(self) -> list[tuple[str, Sample]]:
@@ -217,7 +217,7 @@ class LinkStream(OnDemand):
         return [(each.symbol, Sample(each.valid_us, each.valid_us, self._value(each))) for each in records]
 
     def notes(self) -> tuple[str, ...]:
-        """How many objects are linked, and what has failed."""
+        """The number of linked objects, and the failures."""
         return self._shared.notes(self.type)
 
     def inputs(self) -> Sequence[Input]:
@@ -271,9 +271,10 @@ class LinkStream(OnDemand):
         return self._records.value(record, is_anchored=self.linkage.anchored(record.symbol), ended=False)
 
     def _in_turn(self, records: Iterable[StateRecord]) -> list[StateRecord]:
-        """Those that are due: of an object with states from before it was established the first, the others after it.
+        """The records that are due; of an object with states from before it was established only the first, the others
+        follow.
 
-        What ranges over the objects has a stream of it from the next instant on, and gets the others.
+        Declarations for each object make its stream in the next instant, and get the other records then.
         """
         due, self._held, new = self._held, [], set[str]()
         for each in records:

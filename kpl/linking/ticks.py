@@ -1,8 +1,8 @@
 """Percepts of several sensors in the order of their valid times, however late each of them comes.
 
-What one sensor has seen at one time is a tick. With one sensor it is complete at the end of the instant that brought it.
-With several it waits until all have been heard of that time or a later one, but not longer than one of them has been late, and
-`MOST_WAIT_US` at most.
+The percepts of one sensor at one time are a tick. With one sensor it is complete at the end of the instant that brought
+it. With several it waits until all have been heard of that time or a later one, but not longer than one of them has
+been late, and `MOST_WAIT_US` at most.
 """
 
 from collections.abc import Collection, Iterator
@@ -55,7 +55,7 @@ class PerceptTicks:
         self._ticks.setdefault(valid_us, {})[percept.type, percept.symbol] = percept
 
     def complete(self, now_us: int) -> Iterator[tuple[int, Collection[Percept]]]:
-        """Those that are complete, the earliest first; they are taken out."""
+        """The complete ticks, the earliest first; they are taken out."""
         heard_us = [_NEVER_US if each is None else each for each in self._heard_us]
         until_us = max(now_us - self.wait_us, min(heard_us))
         for valid_us in sorted(each for each in self._ticks if each <= until_us):

@@ -3,8 +3,8 @@
     compunit car CarOf(world)            # of the state of `from`
     compunit car CarOf(world, car)       # and of that of `to`, as it is expected at that time; it has none while it is new
 
-A unit is called where objects are linked. What it raises, and what is no state of an object, is counted and reported;
-then the object is where it is expected, or, while it is new, where the one below it is.
+A unit is called where objects are linked. Its exceptions, and outputs that are no state of an object, are counted and
+reported; then the object is at its expected place, or, while it is new, at the place of the object below it.
 """
 
 from collections.abc import Callable, Mapping
@@ -33,7 +33,7 @@ def linked_unit(
     """The unit that a link names, over records of these sorts.
 
     Raises:
-        TextError: it cannot be called here, or what it takes or makes are no states of objects.
+        TextError: it cannot be called here, or its inputs or output are no states of objects.
     """
     name = made.unit
     if not isinstance(prototype, UnitPrototype):
@@ -63,7 +63,7 @@ def linked_unit(
 def unit_finder(
     symbols: SymbolTable, prototypes: Mapping[str, Prototype], frame: LocalFrame | None
 ) -> "Callable[[Label, spec.Link], LinkedUnit]":
-    """The units of links among some prototypes, where no instance runs; what is found raises as `linked_unit`."""
+    """The units of links among some prototypes, without an instance; it raises as `linked_unit`."""
     streams = Streams(symbols)
 
     def unit_of(label: Label, made: spec.Link) -> LinkedUnit:
@@ -113,7 +113,7 @@ class LinkedUnit:
             self._unit = _no_output
 
     def take_faults(self) -> list[str]:
-        """What went wrong since the last call."""
+        """The faults since the last call."""
         found, self._faults = self._faults, []
         return found
 
@@ -124,7 +124,7 @@ class LinkedUnit:
         return state if before is None else before._replace(valid_us=state.valid_us)
 
     def _state(self, state: ObjectState, before: ObjectState | None) -> ObjectState | None:
-        """What the unit makes; None: no state."""
+        """The unit's output as a state; None: no state."""
         given: tuple[Sample | None, ...] = (self._sample(0, state),)
         if self._takes_both:
             given = *given, None if before is None else self._sample(1, before)
@@ -160,5 +160,5 @@ class LinkedUnit:
 
 
 def _no_output(_now_us: int, _inputs: Inputs, memory: object) -> tuple[None, object]:
-    """What stands for a unit that cannot be made."""
+    """A placeholder for a unit that cannot be made."""
     return None, memory

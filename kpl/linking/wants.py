@@ -22,7 +22,7 @@ from reasoning.formulas.tree import Formula
 MOST: Final = 16
 """Every object that comes into view is compared with the description of each."""
 OF_STATES: Final = ("speed", "deviation", "x", "y", "x_m", "y_m", "vx_m_s", "vy_m_s", "sd_m")
-"""What every object has."""
+"""The attributes of every object."""
 _NEED_MORE: Final = (tree.Forall, tree.Exists, tree.Occurred, tree.Since)
 FOUND: Final = frozenset({"find", "track", "reacquire", "lost"})
 
@@ -47,7 +47,7 @@ class Wanted(NamedTuple):
 
 
 class Wants:
-    """What is looked for.
+    """The wanted objects.
 
     Attributes:
         all: another value whenever it changes.
@@ -83,7 +83,7 @@ class Wants:
 
 
 def wants_in(declarations: Iterable[spec.Declaration], symbols: SymbolTable, text: str) -> list[Wanted]:
-    """What a specification declares to be looked for, ready for a linkage of its own.
+    """The wanted objects of a specification, ready for a linkage of their own.
 
     Raises:
         TextError: something is wrong with it.
@@ -155,7 +155,7 @@ def _chain(stream: Label, streams: Streams) -> Iterator[spec.Link]:
 
 
 def _features(chain: list[spec.Link], streams: Streams) -> set[str] | None:
-    """What objects of a type have; None: it is not known of those below."""
+    """The attributes of objects of a type; None: those of the objects below are not known."""
     known = {*OF_STATES, *((ON_ROADS,) if streams.symbols.roads() is not None else ())}
     for link in chain:
         sort = streams.record(link.source)

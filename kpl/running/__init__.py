@@ -1,4 +1,4 @@
 """A specification that runs: declarations become processes, streams and monitors, and change while they run.
 
-What two specifications share continues untouched. Formulas and chronicles over streams are fed here.
+The declarations that two specifications share continue untouched. Formulas and chronicles over streams are fed here.
 """

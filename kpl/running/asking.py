@@ -34,7 +34,7 @@ def read_over(instance: "Instance", text: str, parsed: Formula | None = None) ->
 
     Raises:
         TextError: it is none.
-        TextErrors: with everything that is wrong with it, streams without a producer, too.
+        TextErrors: every error in it, streams without a producer included.
     """
     asked, symbols = MonitorDeclaration(text, parsed or parse_formula(text)), instance.current_symbols()
     definitions, derived = Definitions(symbols), Streams(symbols).derived

@@ -19,7 +19,7 @@ _CONSTRAINED = (
     spec.StreamTerm, spec.Refinement, spec.StateStream, spec.Select, spec.Merge, spec.FirstOf, spec.GeneratorDeclaration,
     spec.ForEach, spec.StreamDeclaration, spec.Export, spec.Import, spec.MonitorDeclaration,
 )  # fmt: skip
-"""What has a policy, or holds something that has."""
+"""Parts of declarations that have a policy, or contain one that has."""
 
 
 class SpecificationChange(NamedTuple):
@@ -31,9 +31,9 @@ class SpecificationChange(NamedTuple):
 
 
 def difference(before: spec.Specification, wanted: Iterable[spec.Declaration]) -> SpecificationChange:
-    """What goes, what comes, and what is wanted in terms of what is there: equal declarations are one.
+    """The removed, new and resulting declarations, the last in terms of running ones: equal declarations are one.
 
-    What is there already is known by itself, so that little is compared where little changes.
+    Running declarations are recognised by identity, so that a small change costs few comparisons.
     """
     running = {id(each): each for each in before}
     staying = set[int]()
@@ -45,7 +45,7 @@ def difference(before: spec.Specification, wanted: Iterable[spec.Declaration]) -
             after.append(each)
         else:
             others.append(len(after))
-            after.append(replace(each))  # what is named twice is two
+            after.append(replace(each))  # two declarations of equal text are two
     left = {each: each for each in before if id(each) not in staying} if others else {}
     new: list[spec.Declaration] = []
     for at in others:
@@ -91,7 +91,7 @@ class DeclaredTimes:
     def change(
         self, before: spec.Specification, wanted: spec.Specification, now_us: int, text: str
     ) -> SpecificationChange:
-        """The `difference`, with instants for offsets: of what is declared already, those of then.
+        """The `difference`, with instants in place of offsets; declarations that run keep their instants.
 
         Raises:
             TextErrors: durations end before they start.
@@ -111,18 +111,18 @@ class DeclaredTimes:
         return difference(before, [new.get(id(each), each) for each in change.wanted])
 
     def declared(self, written: spec.Declaration) -> spec.Declaration:
-        """What is declared of this text already, with its instants; else the same."""
+        """The running declaration of this text, with its instants; else the same."""
         return self._resolved.get(written, written) if self._resolved else written
 
     def settle(self, wanted: spec.Specification) -> None:
-        """The change has been made: what it declares is declared."""
+        """The change succeeded: keep the instants of its declarations."""
         if every := {**self._resolved, **self._tried}:
             held = set(wanted)
             self._resolved = {written: meant for written, meant in every.items() if meant in held}
 
 
 def needed_first(change: SpecificationChange, is_past: Callable[[spec.StreamTerm], bool]) -> list[spec.Declaration]:
-    """The new streams that begin in the past, after what they may need, but for what takes a name that is still in use."""
+    """New streams that begin in the past, after the parts they may need; without those whose name is still in use."""
     streams = [each for each in change.new if isinstance(each, spec.StreamDeclaration) and is_past(each.term)]
     if not streams:
         return []
@@ -138,7 +138,8 @@ def _names(declaration: spec.Declaration) -> list[tuple[str, object]]:
 
 
 def meanings(symbols: SymbolTable, change: SpecificationChange, unit: str) -> Iterator[tuple[spec.Declaration, object]]:
-    """What declarations that stay come to with what others say: monitors with definitions put in, links with their chains.
+    """The meaning of each declaration that stays and depends on others: monitors with definitions expanded, links with
+    their chains.
 
     Raises:
         TextError: a formula is wrong with them.
@@ -171,7 +172,7 @@ def _makers(specification: Iterable[spec.Declaration]) -> list[spec.Declaration]
 def made_by(
     change: SpecificationChange, before: spec.Specification
 ) -> tuple[SpecificationChange, list[spec.Declaration]]:
-    """The change in what makes something, in its order, and what did before; where a first link goes, the next takes over."""
+    """The change to makers of streams, in order, and earlier makers; where a first link goes, the next takes over."""
     left, right = _makers(before), _makers(change.wanted)
     gone, new = change.gone, change.new
     if len(left) < len(before) or len(right) < len(change.wanted):

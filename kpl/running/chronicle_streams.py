@@ -1,13 +1,11 @@
-"""The streams of chronicles: what is recognised, and what may yet be (thesis 8.4, 8.7.3).
+"""The streams of chronicles: recognised instances, and partial ones (thesis 8.4, 8.7.3).
 
-What is recognised of a chronicle `overtake` is the stream `chronicle[overtake]`, valid at the recognition; its values
-are the arguments of the chronicle, then what its variables and its instants (ms) are; it is predicted if one of its events
-is. `chronicle[overtake, car1, car2]`
-is what of that has these arguments.
+The instances of a chronicle `overtake` are the stream `chronicle[overtake]`, valid at the recognition; its values are
+the arguments of the chronicle, then its variables and its instants (ms); an instance is predicted if one of its events
+is. `chronicle[overtake, car1, car2]` has the instances with these arguments.
 
-`partial[overtake]` is the stream of what may become an overtake. Its value is the list of these, each with what its
-variables and its instants (ms) are so far, what is missing, and the clock at which it is given up at the latest. There is
-a sample when that changes.
+`partial[overtake]` is the stream of partial instances. Its value is their list: the variables and instants (ms) of each
+so far, the missing events, and the clock at which it is given up at the latest. There is a sample when that changes.
 """
 
 from typing import Final
@@ -42,7 +40,7 @@ MAX_DELAY_US: Final = US_PER_S
 
 
 class ChronicleStreams:
-    """The chronicles of one file in a specification, `content`, with the streams of what is recognised."""
+    """The chronicles of one file in a specification, `content`, with their streams."""
 
     def __init__(self, network: Network, declaration: ChronicleDeclaration, content: chronicles.ChronicleFile) -> None:
         delay_us = declaration.policy.max_delay_us
@@ -62,7 +60,7 @@ class ChronicleStreams:
 
     @property
     def labels(self) -> tuple[Label, ...]:
-        """The streams of what is recognised, and of what may be."""
+        """The streams of instances, and of partial instances."""
         return tuple(Label(feature, (name,)) for feature in (RECOGNISED, PARTIAL) for name in self._out)
 
     def cancel(self) -> None:
@@ -124,7 +122,7 @@ def check_chronicles(declaration: ChronicleDeclaration) -> None:
 
 
 def _mistake(declaration: ChronicleDeclaration) -> tuple[str, str]:
-    """What is wrong, and how to repair it."""
+    """Message and repair for a declaration that cannot run; both empty if it can."""
     path, content = declaration.path, declaration.content
     if content is None:
         return f"{path} was not read", "chronicles go with the file that names them"

@@ -1,4 +1,4 @@
-"""What changes in the streams of one instance as the events of chronicles, and what comes of them (thesis 8.7.3).
+"""Changes in the streams of one instance as the events of chronicles, and the recognised instances (thesis 8.7.3).
 
 An attribute `link[car1]:(?, no_link)` is the stream labelled `link[car1]`, or the attribute of a stream of records: a
 sample with another value than the one before is an event, the first one a change from unknown (C2). A message
@@ -6,7 +6,7 @@ sample with another value than the one before is an event, the first one a chang
 records is taken once for all its attributes.
 
 Samples of several streams come in another order than they are valid. They wait for the declared `max delay`, one second
-by default, and are then passed on in the order of their valid times; what is later still is ignored and counted (C3).
+by default, and are then passed on in the order of their valid times; later samples are ignored and counted (C3).
 """
 
 from collections import Counter
@@ -68,7 +68,7 @@ class ChronicleWatch:
     Args:
         delay_us: how late samples may come.
         on_recognised: called with every instance, the prediction that it uses, if any, and when (federation time).
-        on_fault: called once for what is wrong with a stream or a chronicle.
+        on_fault: called once for each error of a stream or a chronicle.
         max_age_ms: instances last no longer; None: as their chronicles say.
         initially: the first values of streams have been so since ever (8.4); names: of these streams.
         refusal: why a stream is not taken, a fault of it; empty if it is.
@@ -76,7 +76,7 @@ class ChronicleWatch:
     Attributes:
         proxies: the streams that are taken.
         delay_us: how late their samples may come.
-        recogniser: what has happened so far; it can be asked for partial instances.
+        recogniser: the recogniser, with the events so far; it can be asked for partial instances.
         listeners: called when the clock has moved, with the present time.
         initially: as above.
     """
@@ -142,7 +142,7 @@ class ChronicleWatch:
         self.proxies.clear()
 
     def on_time(self, now_us: int) -> None:
-        """What waited long enough is passed on in its order, and the clock is moved."""
+        """Pass on the samples that have waited long enough, in their order, and move the clock."""
         clock_us = now_us - self.delay_us
         self._clock_ms = clock_us // US_PER_MS
         while self._waiting and self._waiting[0].valid_us <= clock_us:
@@ -156,7 +156,7 @@ class ChronicleWatch:
 
     @property
     def ignored(self) -> Counter[str]:
-        """What was not taken as events, by reason: later than `delay_us`, out of order, no value, no symbol (C3)."""
+        """Counts of samples that made no events: later than `delay_us`, out of order, no value, no symbol (C3)."""
         counts = self._dropped + self._events.ignored + self.recogniser.ignored
         for proxy in self.proxies.values():
             counts += proxy.adapter.dropped
@@ -269,7 +269,7 @@ class ChronicleWatch:
                 self._dropped += proxy.adapter.dropped
                 proxy.cancel()
 
-    # What happens
+    # Samples and events
 
     def _on_sample(self, label: Label, sample: Sample) -> None:
         if self._is_past(sample):
@@ -282,7 +282,7 @@ class ChronicleWatch:
             self.on_time(sample.available_us)
 
     def _is_past(self, sample: Sample) -> bool:
-        """Whether it is of the time before its stream was taken, as of a pair that begins with what was seen before; it was in time."""
+        """Whether a sample in time is of the time before its stream was taken, such as the first one of a new pair."""
         clock_ms = self.recogniser.clock_ms
         is_before = clock_ms is not None and sample.valid_us // US_PER_MS < clock_ms
         return is_before and sample.available_us - sample.valid_us <= self.delay_us

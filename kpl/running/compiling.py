@@ -1,4 +1,4 @@
-"""From declarations to processes: what a generator declaration makes, with names of members and of the unit put in."""
+"""From generator declarations to processes, with names of members and of the unit put in."""
 
 from collections.abc import Callable, Iterable, Mapping
 from copy import copy
@@ -52,7 +52,7 @@ from navigation import LocalFrame
 from reasoning.formulas.tree import Node
 
 Members: TypeAlias = Mapping[str, str]
-"""What variables stand for."""
+"""The objects that variables stand for."""
 LEAST_PERIOD_US = US_PER_MS
 MAX_DECLARATIONS = 10_000
 MAX_ERRORS = 100
@@ -60,7 +60,7 @@ MAX_ERRORS = 100
 
 
 class CompiledGenerator(NamedTuple):
-    """What a generator declaration comes to.
+    """The result of compiling a generator declaration.
 
     Attributes:
         process: None: samples are pushed, or it has no producer yet.
@@ -80,7 +80,7 @@ class Compiler:
     """Makes processes for one instance.
 
     Attributes:
-        symbols: what is declared.
+        symbols: the declarations.
         withdrawn: sources whose makers may come back: their samples are not pushed meanwhile.
         wants: objects that are looked for.
     """
@@ -223,10 +223,10 @@ class Compiler:
         below = streams.objects(made.source) or self._sort_of(made.source)
         return linked_unit(self._prototypes.find(made.unit), made, below, streams.objects(label), frame)
 
-    # What can be said beforehand
+    # Checks beforehand
 
     def check(self, new: Iterable[spec.Declaration], wanted: spec.Specification, text: str) -> list[TextError]:
-        """What cannot run although it is well-formed: units without an implementation, periods that cannot be kept, limits."""
+        """Errors of well-formed declarations that cannot run: no implementation, impossible periods, limits."""
         errors: list[TextError] = []
         if len(wanted) > MAX_DECLARATIONS:
             return [too_many(len(wanted), text)]
@@ -305,7 +305,7 @@ class Compiler:
             self._check_policy(term, term.policy)
 
     def _check_sorts(self, declaration: spec.Declaration, name: str) -> None:
-        """What a module says that values are, is what they are here."""
+        """Check that the sorts declared by the module match the specification's."""
         prototype = self._prototypes.find(name)
         for shape in () if prototype is None else prototype.checked_sorts:
             known = self.symbols.shape(shape.name)
@@ -337,7 +337,7 @@ class Compiler:
             )
 
     def _shape(self, sort: str, maker: Prototype | None) -> Sort:
-        """What the values are: as it is declared, else as what makes them says."""
+        """The values of a sort: as declared, else as its maker says."""
         shapes = () if maker is None else maker.checked_sorts
         made = next((each for each in shapes if each.name == sort), None)
         return self.symbols.shape(sort) or made or self._sort(sort)
@@ -359,7 +359,7 @@ class Compiler:
         raise located(place, f"{unit.name} is for streams of any sort and not declared: name its sorts", repair)
 
     def _sort_of(self, label: Label) -> Sort:
-        """The sort of what a label of a member is made of: that of any of its makers, or that of the semantic label."""
+        """The sort of a member's stream: that of any of its makers, or that of the semantic label."""
         for symbol in self.symbols.of_feature(label.feature):
             made = symbol.declaration
             body = made.body if isinstance(made, spec.ForEach) else made

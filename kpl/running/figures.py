@@ -1,4 +1,4 @@
-"""What an instance says of itself as streams: `stream_delay[speed_car1]` and so on, one sample every 100 ms (10.7).
+"""Figures of an instance as streams: `stream_delay[speed_car1]` and so on, one sample every 100 ms (10.7).
 
 The object is the name of a declared stream, or the label of a generator with its objects after hyphens, `pos-car1` for
 `pos[car1]`; of delays also `worst`, the longest of all generators. Nothing is computed without demand.
@@ -32,7 +32,7 @@ LAST = 32
 REGULAR: Final = 4
 """Gaps between samples that show whether they come regularly: the longest is at most twice the shortest."""
 SAMPLE_BYTES = 250
-"""What a sample of a few numbers takes in a history, about."""
+"""Size of a sample of a few numbers in a history, about."""
 SORT: Final = Sort("figure")
 
 
@@ -129,7 +129,7 @@ class Figure(OnDemand):
 
 
 def _last_us(history: History, now_us: int) -> int:
-    """The longest delay of what came in the last 100 ms, or of what came last; of a stream that is overdue, by how much at least."""
+    """The longest delay in the last 100 ms, or of the last sample; of an overdue stream, the least it is overdue."""
     held = min(history.get_size(), LAST)
     if not held:
         return 0

@@ -1,4 +1,4 @@
-"""The states that a formula over streams of one instance is about: what it reads, synchronised (thesis 7.5, 7.8).
+"""The states of a formula over streams of one instance: the streams that it reads, synchronised (thesis 7.5, 7.8).
 
 A domain is the value of the generator called like it that is valid at the state's time: `forall car in car_ids: ...`
 ranges over what the stream `car_ids` names then, also if it names others when the state is made, up to `max delay` later.
@@ -33,7 +33,7 @@ MOST_ERAS = 64
 
 
 class FormulaState(NamedTuple):
-    """What a formula says something about: values by label, the members of its domains, and what has happened.
+    """A state of a formula: values by label, the members of its domains, and the events.
 
     `samples_us`: valid time of the sample that each value is, or was made of; None: that of the state. `made_us`: when the
     oldest prediction among them was made; None: all are measured.
@@ -89,7 +89,7 @@ class _SharedStreams:
         self._users: Counter[tuple[str, bool]] = Counter()
 
     def take(self, names: Iterable[tuple[str, bool]], connect: Callable[[str, bool], StreamProxy]) -> None:
-        """One more era needs these labels, or events; what comes at once may end the era before it."""
+        """Connect the labels and events of one more era; samples that come at once may end the era before it."""
         needed = tuple(names)
         self._users.update(needed)
         for name in needed:
@@ -116,7 +116,7 @@ class FormulaStates:
         formula: over streams only, without free variables.
         policy: of the states (Def. 7.8.6).
         on_state: called with every state, in the order of their times.
-        on_domain: called with what is wrong with the members that a stream names, and "" when they are known.
+        on_domain: called with the error of a domain's members, and "" when they are known.
         since_us: states of events only begin then.
     """
 
@@ -172,7 +172,7 @@ class FormulaStates:
 
     @property
     def labels(self) -> tuple[str, ...]:
-        """What its states have a value of now."""
+        """The labels that its states have a value of now."""
         return self._eras[-1].labels if self._eras else ()
 
     @property
@@ -182,13 +182,13 @@ class FormulaStates:
 
     @property
     def derived_from(self) -> tuple[FeatureInput, ...]:
-        """What the derived features among its inputs are made from."""
+        """The inputs of derived features among its inputs."""
         processes = (self._network.process(each.label) for each in self.inputs)
         return tuple(one for each in processes if isinstance(each, DerivedStream) for one in each.needed)
 
     @property
     def silent(self) -> tuple[str, ...]:
-        """The streams, of domains too, that have brought nothing yet; of what is derived those that it is derived from."""
+        """The streams and domains without a sample so far; for a derived feature, its inputs."""
         domains = [name for name, known in self._domains.items() if not known]
         streams: dict[str, None] = {}
         for label, each in zip(self.labels, self.inputs, strict=True):
@@ -235,7 +235,7 @@ class FormulaStates:
             made_of = process.taken_with(each.policy) if isinstance(process, DerivedStream) else (each,)
             terms.update(dict.fromkeys(StreamTerm(*one) for one in made_of))
         if terms and all(term.policy.exact for term in terms):
-            # What holds of every input is declared once, of the state.
+            # A policy that all inputs share is declared once, of the state.
             terms = dict.fromkeys(replace(term, policy=replace(term.policy, exact=False)) for term in terms)
             policy = replace(policy, exact=True)
         states = states_of(name, tuple(terms), policy)
@@ -249,9 +249,9 @@ class FormulaStates:
         return () if states is None else tuple(map(str, states.awaited()))
 
     def _on_members(self, name: str, sample: Sample) -> None:
-        """Of too many those before stay, and what holds is not known until there are fewer.
+        """If there are too many, the members before stay, and the verdict is unknown until there are fewer.
 
-        The first that are known count for what was before, too; after a later naming an earlier one no longer counts.
+        The first known members count for earlier states, too; once a later naming has come, an earlier one is ignored.
         """
         known = self._domains[name]
         before = known.copy()
@@ -282,7 +282,7 @@ class FormulaStates:
         }
 
     def _subscribe(self, begins_us: int) -> None:
-        """Streams of what the formula reads from a valid time on; states before it are still made of those before."""
+        """Subscribe the formula's streams from a valid time on; states before it still use the earlier ones."""
         members = self._domains_at(FAR_US)
         try:
             labels = required_labels(self._formula, members)
@@ -328,7 +328,7 @@ class FormulaStates:
     def _input(self, label: str) -> Input:
         """The stream of a feature; a derived one is exact, as its inputs are of one time."""
         stream = stream_of(self._network, Label.parse(label))
-        self._network.find(stream)  # what is derived is there from now on
+        self._network.find(stream)  # creates a derived stream on demand
         is_derived = isinstance(self._network.process(stream), DerivedStream)
         if is_derived and self._policy.predict_us is not None:
             raise TextError(f"{label} is derived, and does not change along a straight line", repair=PREDICTED)

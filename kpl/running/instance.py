@@ -40,7 +40,7 @@ MAX_CONFIGURATIONS = 256
 
 
 class ConfigurationEntry(NamedTuple):
-    """What an instance held from a time on."""
+    """The specification of an instance from a time on."""
 
     at_us: int
     specification: spec.Specification
@@ -50,13 +50,13 @@ class Instance:
     """The specification of one network, as it is now.
 
     Args:
-        network, unit: may hold generators of its own, which declarations then use; what `self` means.
+        network, unit: may hold generators of its own, which declarations then use; the meaning of `self`.
         sorts: sorts whose values are checked; any other name is a sort of unchecked values.
         semantic: the semantic labels there are without a declaration; None: any.
-        prototypes, catalogue, offered: what sources and units are made from; asked for others; the names that it has.
+        prototypes, catalogue, offered: prototypes of sources and units; a function for other names; the names it has.
         admission: of declarations while a governor sees no time for more: refused, or sampled at a longer period.
         features, is_unit: sort and process of a stream while it is wanted, or None; whether a name is that of a unit.
-        roads, frame: those on which objects are unless others are declared; that of what the platform's cameras see.
+        roads, frame: the roads of objects unless others are declared; the frame of the platform's cameras.
     """
 
     def __init__(
@@ -103,7 +103,7 @@ class Instance:
         """Declare more.
 
         Raises:
-            TextErrors: with everything that is wrong; the instance is as it was.
+            TextErrors: every error; the instance is as it was.
         """
         self.change((*self.specification, *declarations), now_us, text)
 
@@ -111,18 +111,18 @@ class Instance:
         """Take declarations back.
 
         Raises:
-            TextErrors: what stays needs them; the instance is as it was.
+            TextErrors: remaining declarations need them; the instance is as it was.
         """
         gone = {id(self.symbols.find(self._times.declared(each))) for each in declarations}
         self.change([each for each in self.specification if id(each) not in gone], now_us)
 
     def change(self, specification: Iterable[spec.Declaration], now_us: int, text: str = "") -> None:
-        """Become another specification; what both declare keeps running, what both make differently is replaced.
+        """Become another specification; declarations that both have keep running, those that differ are replaced.
 
-        What a formula is defined by is part of what it declares: a monitor whose definitions change is another one.
+        A monitor whose definitions change counts as another monitor.
 
         Raises:
-            TextErrors: with everything that is wrong; the instance is as it was.
+            TextErrors: every error; the instance is as it was.
         """
         before, self._file = self.specification, file_of(text) or self._file
         every = tuple(specification)
@@ -184,7 +184,7 @@ class Instance:
         return self.parts.sources()
 
     def lookup(self, name: str) -> Prototype | None:
-        """What sources and units of that name are made from."""
+        """The prototype of sources and units of that name."""
         return self.prototypes.find(name) or self._catalogue(name)
 
     def sort(self, name: str) -> Sort:
@@ -192,12 +192,12 @@ class Instance:
         return self._sorts.get(name) or Sort(name, is_open=True)
 
     def current_symbols(self) -> SymbolTable:
-        """The symbol table, with what is there without the specification as it is now."""
+        """The symbol table, with the definitions outside the specification as they are now."""
         self.symbols.known = self.known(self.specification)
         return self.symbols
 
     def known(self, running: Collection[spec.Declaration], unread: Collection[str] = ()) -> Known:
-        """What is there besides what is declared, which `running` is; nothing called like a word of `unread` is missing."""
+        """Names defined outside the specification `running`; names in `unread` count as defined."""
         prototypes = self.prototypes.all()
         return Known(
             sources={each.name: each.sort for each in prototypes if isinstance(each, SourcePrototype)},
@@ -267,7 +267,7 @@ class Instance:
                     self.prototypes.add(prototype)
 
     def _take_over(self, whole: SpecificationChange, redefined: Collection[spec.Declaration], text: str) -> None:
-        """Become what is wanted, or stay; what was never begun has reported nothing."""
+        """Make the change, or undo it; streams that never began have reported nothing."""
         (change, before), self._backlog = made_by(whole, self.specification), []
         gone, new, _ = change
         remade: list[spec.Declaration] = []
@@ -289,14 +289,14 @@ class Instance:
             self.hooks.on_output(name, sample)
 
     def _affected(self, changed: Sequence[spec.Declaration]) -> Iterator[spec.Declaration]:
-        """What stays and is made again: streams that have become of another sort, what is shared under another label."""
+        """Declarations that stay and are made again: streams of another sort, shared streams under another label."""
         yield from self.parts.of_other_sorts(changed)
         for each in changed:
             if isinstance(each, spec.LabelDeclaration):
                 yield from self.symbols.dependent(each)
 
     def _begin_in_past(self, change: SpecificationChange) -> None:
-        """What may be refused comes first, with what it needs, while everything is still as it was."""
+        """Make the parts that may be refused first, with those that they need, while everything is still as it was."""
         for each in needed_first(change, lambda term: self._past_us(term) is not None):
             if not isinstance(each, spec.GeneratorDeclaration) or each.label not in self.parts.held:
                 self._undo[each] = self._realise(each)

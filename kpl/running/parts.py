@@ -1,4 +1,4 @@
-"""The generators of a running specification: what each is made from, and what waits for a producer."""
+"""The generators of a running specification: the maker of each, and generators that wait for a producer."""
 
 from collections.abc import Callable, Iterable, Iterator, Sequence
 from functools import partial
@@ -47,7 +47,7 @@ class Parts:
     """Makes, replaces and takes away generators as declared.
 
     Attributes:
-        held: the generators, and what each is made from.
+        held: the declared generators, by label.
         of_families: how to take away what members of families have.
         fed: the generators of each source that is fed from outside.
         objects: makes streams about the objects in streams of object states.
@@ -83,7 +83,8 @@ class Parts:
                     self._generate(declaration, members, label)
 
     def withdraw(self, names: Iterable[str]) -> None:
-        """What was made from these prototypes ends; its clients are notified, and served again when they are offered again.
+        """End the processes of these prototypes; their clients are notified, and served again when the prototypes come
+        back.
 
         Raises:
             UnknownPrototype: there is none of that name; those before it are withdrawn.
@@ -113,7 +114,7 @@ class Parts:
 
     @property
     def wanted(self) -> tuple[Wanted, ...]:
-        """What is looked for."""
+        """The wanted objects."""
         return self._compiler.wants.all
 
     def want(self, want: spec.WantDeclaration, on_event: Callable[[LinkEvent], None], only: str | None = None) -> Undo:
@@ -149,7 +150,7 @@ class Parts:
         ]
 
     def inputs_of(self, label: Label) -> tuple[Label, ...]:
-        """What a declared generator is made of, also without a producer."""
+        """The inputs of a declared generator, also without a producer."""
         held = self.held.get(label)
         if held is None or not isinstance(held.declaration, spec.GeneratorDeclaration):
             return ()
@@ -265,7 +266,7 @@ class Parts:
 
 
 class Families:
-    """All families of an instance; `members` has the members of each, by the label of what it makes."""
+    """All families of an instance; `members` has the members of each, by the label of its streams."""
 
     def __init__(
         self,
@@ -286,11 +287,11 @@ class Families:
             family.renew()
 
     def give_way(self, declaration: spec.Declaration) -> None:
-        """What is declared by itself takes the place of what a member has."""
+        """Remove a member's declaration in favour of a declaration of its own."""
         self._made.pop(_called(declaration), nothing)()
 
     def add(self, declaration: spec.ForEach) -> Undo:
-        """What is declared, once per member; a member for which there is a declaration of its own is left to that."""
+        """Make the body once per member; a member with a declaration of its own is left out."""
         if isinstance(declaration.body, spec.GeneratorDeclaration):
             return self._add_generators(declaration, declaration.body)
         own = dict[Objects, tuple[object, ...]]()
@@ -376,7 +377,7 @@ class Families:
 
 
 def _called(declaration: spec.Declaration) -> tuple[object, ...]:
-    """What nothing else of an instance is called."""
+    """The key of a declaration that no other one of an instance may have."""
     match declaration:
         case spec.Import(_, _, term):
             return (spec.Import, term.label)

@@ -22,7 +22,7 @@ def nothing() -> None:
 
 
 class Federation(Protocol):
-    """What the room above does for declarations that concern other platforms; each returns how to take it back."""
+    """The port for declarations that concern other platforms; each method returns a function that undoes it."""
 
     def define(self, label: SemanticLabel) -> Undo: ...
     def export(self, declaration: Export, term: StreamTerm) -> Undo:
@@ -49,7 +49,7 @@ class LoadGovernor(Protocol):
 
 @dataclass(slots=True)
 class Hooks:
-    """Callbacks for what the instance does.
+    """Callbacks of an instance.
 
     Attributes:
         on_output: name of a declared stream, and a sample of it.

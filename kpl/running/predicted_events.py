@@ -19,7 +19,7 @@ _Event: TypeAlias = tuple[str, tuple[str | None, ...]]
 class PredictedEvents:
     """Remembers predicted events, and finds those of an instance.
 
-    An event that fixes an instant is found by its time; of one that is only counted the latest is taken.
+    An event that fixes an instant is found by its time; of a counted event the latest is taken.
     """
 
     def __init__(self, compiled: Iterable[Compiled]) -> None:
@@ -27,7 +27,7 @@ class PredictedEvents:
         self._events: dict[_Event, deque[tuple[int, Predicted | None]]] = {}
 
     def on_event(self, at_ms: int, name: str, arguments: tuple[str | None, ...], prediction: Predicted | None) -> None:
-        """There is an event; what is measured matters only where the same was predicted before."""
+        """Note an event; a measured one matters only where the same was predicted before."""
         event = name, arguments
         times = self._events.pop(event, None)
         if times is None:

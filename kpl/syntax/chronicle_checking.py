@@ -1,4 +1,4 @@
-"""What is wrong with chronicles beyond their grammar: each error at its place, with a repair (thesis 8.3).
+"""Checks of chronicles beyond their grammar: each error at its place, with a repair (thesis 8.3).
 
 Names of attributes and messages are checked once a file declares any: a file without declarations leaves all of them open.
 """
@@ -31,8 +31,8 @@ _KINDS: Mapping[type, str] = {
 
 
 def check_chronicles(found: Sequence[ReadChronicle], reader: ChronicleReader, broken: Collection[str] = ()) -> None:
-    """Add to the errors of the reader what is wrong with what it has read; of what is called as in `broken`, parts are
-    not there, and nothing is reported.
+    """Add the errors in the declarations that were read to the reader's; those in `broken` are incomplete, and get
+    none.
     """
     _Checker(found, reader, broken).check()
 
@@ -201,7 +201,7 @@ class _Checker:
         ]
 
     def _symbols(self, domain: Domain, place: Place | None) -> SymbolSet | None:
-        """What is in it; None, and an error at the place, if it names itself; unknown names are reported elsewhere."""
+        """The symbols in a domain; None, and an error, if it names itself; unknown names are reported elsewhere."""
         key = str(domain)
         if key not in self._sets:
             try:

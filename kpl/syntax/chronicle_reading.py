@@ -37,7 +37,7 @@ class Mention:
 
 @dataclass(slots=True)
 class ReadChronicle:
-    """One declaration, where it is, and what it names; `statements` are the places of those of a chronicle."""
+    """One declaration, its place, and the names in it; `statements` are the places of those of a chronicle."""
 
     declaration: model.Declaration
     place: Place
@@ -46,7 +46,7 @@ class ReadChronicle:
 
 
 class ChronicleReader(TimeReader):
-    """Reads declarations; what they name is collected for kpl/syntax/chronicle_checking.py."""
+    """Reads declarations; collects the names in them for kpl/syntax/chronicle_checking.py."""
 
     limit = MAX_ERRORS
 

@@ -25,7 +25,7 @@ _ORIGIN: Final = ""
 
 
 class Sum(NamedTuple):
-    """How often each instant is added, and what is added to that."""
+    """The number of times each instant is added, and the constant added to them."""
 
     instants: "Counter[str]"
     shift: times.Interval
@@ -102,7 +102,7 @@ class TimeReader(ErrorCollector):
     def _distance(
         self, found: Sum, operator: str, place: Place, written: tuple[str, str] | None
     ) -> tuple[times.Distance, ...]:
-        """What `found operator 0` says of two instants, in the direction in which they are written."""
+        """The distances of two instants that `found operator 0` states, in the direction in which they are written."""
         difference = found.difference
         if difference is None:
             several = found.instants.total() or any(found.instants.values())
@@ -243,7 +243,7 @@ class TimeReader(ErrorCollector):
         return -self.time_ms(value) if is_negative else self.time_ms(value)
 
     def _tried(self, place: Place, make: Callable[..., times.Interval], *given: Any) -> times.Interval:
-        """What `make` returns; why that is no interval becomes an error."""
+        """The result of `make`; its refusal becomes an error."""
         try:
             return make(*given)
         except ChronicleError as error:

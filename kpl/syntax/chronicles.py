@@ -32,8 +32,8 @@ def parse_chronicles(text: str) -> ChronicleFile:
     """Read a chronicle file.
 
     Raises:
-        TextErrors: with all that is wrong: where the text leaves the grammar, names that are not
-            declared or not bound, values outside their domains, what stands on itself.
+        TextErrors: every error: where the text leaves the grammar, names that are not declared or not bound, values
+            outside their domains, circular definitions.
         TextError: a limit is passed.
     """
     found, errors = read_chronicles(text)
@@ -42,7 +42,7 @@ def parse_chronicles(text: str) -> ChronicleFile:
 
 
 def read_chronicles(text: str) -> tuple[ChronicleFile, list[TextError]]:
-    """What could be read, and what is wrong with the text; raises TextError at a limit."""
+    """The readable chronicles, and the errors of the text; raises TextError at a limit."""
     reader, left, broken = ChronicleReader(text), list[TextError](), frozenset[str]()
     try:
         trees = list(parse_tree(text, "chronicles").children)
@@ -60,9 +60,10 @@ def read_chronicles(text: str) -> tuple[ChronicleFile, list[TextError]]:
 
 
 def _mended(text: str, first: TextError) -> "tuple[list[Tree[Token] | Token], list[TextError], frozenset[str]]":
-    """The trees of what is right, an error for each place that leaves the grammar, and the names of what is not whole.
+    """The trees of the correct pieces, an error for each place that leaves the grammar, and the names of incomplete
+    pieces.
 
-    `first` is what is wrong with the text as a whole.
+    `first` is the error of the whole text.
     """
     trees: list[Tree[Token] | Token] = []
     errors: list[TextError] = []

@@ -83,7 +83,7 @@ def parser(grammar: str = "kpl.lark") -> "Lark":
         file = _tables_folder() / f"{name}.tables"
     except (OSError, RuntimeError):  # no home, or not this user's alone
         file = None
-    with suppress(Exception):  # whatever is wrong with the file: the tables are built, and written again
+    with suppress(Exception):  # any fault of the file: the tables are built and written again
         if file is not None:
             with _checked(file) as tables:
                 kept = msgpack.unpackb(tables.read(), strict_map_key=False)
@@ -224,7 +224,7 @@ def _check_brackets(text: str, repair: str) -> None:
 
 
 def _check_depth(tree: "Tree[Token]", text: str, repair: str) -> None:
-    """What is long counts as deep where it is read as ((a + b) + c) + d."""
+    """A long chain counts as deep, since it is read as ((a + b) + c) + d."""
     from lark import Tree
 
     waiting = [(tree, 1)]

@@ -37,7 +37,7 @@ class LinkOptions:
 
     Attributes:
         forget: objects that were not anchored for so long are removed, microseconds.
-        score: what decides between several known objects: how likely each is, or how near.
+        score: the criterion between several known objects: `likelihood`, or nearness.
         predict: how objects are predicted that are not seen; empty: as is usual for the unit.
         max_hyps: most places at which one object is expected.
         candidates: most known objects that one percept may be at a time, each with a weight.
@@ -115,7 +115,7 @@ def _count(name: str, text: str, least: int, most: int) -> int:
 
 
 def print_options(options: LinkOptions) -> str:
-    """Those that are not as usual, as they are typed behind a link."""
+    """The options that differ from the usual ones, as they are typed behind a link."""
     said = []
     for name in LINK_OPTIONS:
         value = getattr(options, name)

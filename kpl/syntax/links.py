@@ -10,7 +10,7 @@ from kpl.syntax.parsing import FormulaReader
 from reasoning.formulas.tree import Const, Place
 
 LINKED: Final = frozenset({"from", "to"})
-"""What both objects are called in conditions."""
+"""The names of both objects in conditions."""
 
 
 def read_link(reader: FormulaReader, source: Label, name: str, rest: Sequence[Any], place: Place) -> spec.Link:

@@ -67,7 +67,7 @@ def print_declaration(declaration: spec.Declaration) -> str:
 
 
 def _sort(sort: Sort) -> str:
-    """With its units as they are typed: those that are no names are quoted."""
+    """A sort with its units as they are typed: units that are no names are quoted."""
     if sort.fields:
         parts = (f"{part.name} in {_unit(part.unit)}" if part.unit else part.name for part in sort.fields)
         return f"{sort.name}({', '.join(parts)})"

@@ -17,5 +17,5 @@ def roads_of(text: str, file: str) -> "RoadNetwork":
 
 
 def digest_of(text: str) -> str:
-    """What distinguishes a text from others."""
+    """A key that distinguishes a text from others."""
     return sha256(text.encode("utf-8", "surrogatepass")).hexdigest()

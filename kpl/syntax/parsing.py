@@ -38,7 +38,7 @@ def parse_formula(text: str, variables: frozenset[str] = frozenset()) -> tree.Fo
 
 
 def read_tree(text: str, variables: frozenset[str] = frozenset()) -> tuple[tree.Formula, list[TextError]]:
-    """One formula, and what is wrong with it beyond the grammar; raises TextError where it leaves the grammar."""
+    """One formula, and its errors beyond the grammar; raises TextError where it leaves the grammar."""
     parsed = parse_tree(text, "formula_only")
     reader = FormulaReader(text)
     try:

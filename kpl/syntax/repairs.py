@@ -1,4 +1,4 @@
-"""Repairs of statements that leave the grammar, tried before they are shown: what is written is a statement that can be read."""
+"""Repairs of statements that leave the grammar, tried before they are shown: each one can be read."""
 
 from typing import Final
 

@@ -56,14 +56,14 @@ class UnitDeclaration(Node):
 
 @dataclass(frozen=True, slots=True)
 class FromSource(Node):
-    """A primitive process: what a source provides."""
+    """A primitive process: the samples of a source."""
 
     source: str
 
 
 @dataclass(frozen=True, slots=True)
 class Refinement(Node):
-    """A refinement process: a computational unit, the streams it takes, and what its output is to be like."""
+    """A refinement process: a computational unit, its input streams, and the policy of its output."""
 
     unit: str
     inputs: tuple[StreamTerm, ...]
@@ -106,10 +106,10 @@ class Composite(Node):
 
 @dataclass(frozen=True, slots=True)
 class Observing(Node):
-    """`PERCEPTS as SENSOR in VIEW trust T`: what a sensor of a world model observes.
+    """`PERCEPTS as SENSOR in VIEW trust T`: the percepts of a sensor of a world model.
 
     Attributes:
-        view: the stream of what it looks at; None: as the model says.
+        view: the stream of its views; None: as the model says.
         trust: how far the source is trusted, in [0, 1].
     """
 
@@ -121,13 +121,13 @@ class Observing(Node):
 
 @dataclass(frozen=True, slots=True)
 class Belief(Node):
-    """`believe("MODEL.toml", "KNOWLEDGE.toml", PERCEPTS as SENSOR, ... for TASK)`: what exists, by an environment model.
+    """`believe("MODEL.toml", "KNOWLEDGE.toml", PERCEPTS as SENSOR, ... for TASK)`: instances of an environment model.
 
     Attributes:
         paths: of the model and of prior knowledge.
         task: for which knowledge is loaded, or the stream that names it; empty: none.
         digest: of the texts of the files; empty where they were not read.
-        world: what they hold, None where they were not read.
+        world: their contents, None where they were not read.
     """
 
     paths: tuple[str, ...]
@@ -189,7 +189,7 @@ class StreamDeclaration(Node):
 
 @dataclass(frozen=True, slots=True)
 class SortDeclaration(Node):
-    """`sort NAME in UNIT`, or `sort NAME(FIELD in UNIT, ...)`: what the values of a sort are."""
+    """`sort NAME in UNIT`, or `sort NAME(FIELD in UNIT, ...)`: the values of a sort."""
 
     sort: Sort
 
@@ -212,7 +212,7 @@ class LabelDeclaration(Node):
 
 @dataclass(frozen=True, slots=True)
 class Export(Node):
-    """`export SEMANTIC-LABEL = TERM`: what other platforms may ask for; `offer ... at cost C`: what they may call for.
+    """`export SEMANTIC-LABEL = TERM`: a stream for other platforms; `offer ... at cost C`: one to call for.
 
     Attributes:
         visibility: of all platforms (public), of members with a role (protected), of none but this one (private).
@@ -268,7 +268,7 @@ class MonitorDeclaration(Node):
 
 @dataclass(frozen=True, slots=True)
 class ForEach(Node):
-    """`for NAME in TERM strmgen ...`: what is declared, once per member and removed with it (thesis 3.3, configuration).
+    """`for NAME in TERM strmgen ...`: a declaration for each member, removed with it (thesis 3.3, configuration).
 
     Of `for a, b in TERM strmgen ...` each member is a pair of objects (thesis 8.7.5). Nothing is declared for those `left_out`.
     """
@@ -279,7 +279,7 @@ class ForEach(Node):
     left_out: tuple[str, ...] = ()
 
     def members(self, member: Sequence[str]) -> dict[str, str]:
-        """What each variable means for one member."""
+        """The object of each variable, for one member."""
         return dict(zip(self.variables, member, strict=True))
 
 
@@ -288,7 +288,7 @@ class ChronicleDeclaration(Node):
     """`chronicle file "PATH" [with max delay D, max age T, first values [of NAME, ...] since ever]`.
 
     Attributes:
-        content: what the file declares, None where it was not read.
+        content: the file's declarations, None where it was not read.
         max_age_us: instances last no longer, which bounds what is remembered (C6); None: as the chronicles say.
         since_ever: the first values of all streams, or of those that are named, have been so since ever (C2; 8.4).
     """
@@ -310,7 +310,7 @@ class RoadsDeclaration(Node):
 
     Attributes:
         digest: of the text of the file; empty where it was not read.
-        network: what it holds, None where it was not read.
+        network: its contents, None where it was not read.
     """
 
     path: str
@@ -322,7 +322,7 @@ class RoadsDeclaration(Node):
 class WantDeclaration(Node):
     """`want NAME in LABEL = FORMULA`: an object of a stream of linked objects, found by a description of it.
 
-    In the formula the symbol is a variable: whatever may be the object.
+    In the formula the symbol is a variable for the object.
     """
 
     symbol: str
@@ -350,7 +350,7 @@ Specification: TypeAlias = tuple[Declaration, ...]
 
 
 def of_member(family: ForEach, member: Sequence[str]) -> Declaration:
-    """What a family declares for one member; `stream speed = ...` and monitors are called `speed-car1` then."""
+    """A family's declaration for one member; `stream speed = ...` and monitors are called `speed-car1` then."""
     body, meant = family.body, family.members(member)
     called = "-".join(member)
 
@@ -385,7 +385,7 @@ def monitor_of(declaration: Declaration) -> MonitorDeclaration | None:
 
 
 def policies_of(declaration: Declaration) -> Iterator[tuple[Node, Policy]]:
-    """Every policy of a declaration, with what it constrains."""
+    """Every policy of a declaration, with the node it constrains."""
     match declaration:
         case ForEach(_, domain, body):
             yield domain, domain.policy

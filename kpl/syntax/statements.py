@@ -52,8 +52,8 @@ class ReadSpecification(NamedTuple):
 
     Attributes:
         specification: the declarations that could be read.
-        errors: what is wrong with the text.
-        unread: the words of the statements that could not be read: what they would declare is not missing.
+        errors: the errors of the text.
+        unread: the words of the statements that could not be read: names in them count as declared.
     """
 
     specification: spec.Specification
@@ -65,8 +65,8 @@ def parse_specification(text: str, read_file: ReadFile | None = None) -> spec.Sp
     """Read a KPL specification, and with `read_file` the files of chronicles and roads it names.
 
     Raises:
-        TextErrors: with all that is wrong: where the text leaves the grammar, policies that cannot be, numbers,
-            formulas that read in two ways.
+        TextErrors: every error: where the text leaves the grammar, impossible policies, numbers, formulas that read in
+            two ways.
         TextError: a limit is passed.
     """
     found = read_specification(text, read_file)
@@ -75,7 +75,7 @@ def parse_specification(text: str, read_file: ReadFile | None = None) -> spec.Sp
 
 
 def read_specification(text: str, read_file: ReadFile | None = None) -> ReadSpecification:
-    """What could be read, and what is wrong with the text; raises TextError at a limit."""
+    """The declarations that could be read, and the errors of the text; raises TextError at a limit."""
     reader = _StatementReader(text, read_file)
     try:
         read = reader.declarations(parse_tree(text, "start"))
@@ -191,7 +191,7 @@ class _StatementReader(FormulaReader):
         return spec.Observing(self.label(label), _name(sensor), view, trust, place=place)
 
     def _constrained(self, parts: Sequence[Any]) -> tuple[tuple[spec.StreamTerm, ...], Policy]:
-        """The streams that something is made of, and what it is to be like."""
+        """The input streams, and the policy of the output."""
         constrained = parts[-1].data == "policy"
         policy = self._policy(parts[-1].children) if constrained else spec.ANY_UPDATE
         return self._terms(parts[:-1] if constrained else parts), policy
@@ -356,7 +356,7 @@ class _StatementReader(FormulaReader):
             symbol, self.label(stream), self.read(description, frozenset({symbol})), place=place
         )
 
-    # What they are made of
+    # Labels, terms and policies
 
     def label(self, node: Any) -> Label:
         feature = self.feature(node, _FREE)

@@ -27,10 +27,10 @@ class Hit(NamedTuple):
 
 
 class GroundModel(Protocol):
-    """What is below."""
+    """The ground below."""
 
     def down_m(self, north_m: float, east_m: float) -> float:
-        """The height of the ground at a place; outside of what is known that of the nearest place."""
+        """The height of the ground at a place; outside of the known area that of the nearest place."""
 
     def meet(self, from_m: FloatArray, direction: FloatArray) -> Hit | None:
         """The first place where a ray meets it from above; None: it does not."""

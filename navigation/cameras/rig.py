@@ -1,4 +1,4 @@
-"""What a platform knows of the cameras that its vehicle carries, once and for all."""
+"""A platform's constant knowledge of its vehicle's cameras."""
 
 from collections.abc import Mapping
 from dataclasses import dataclass
@@ -14,7 +14,7 @@ class CameraRig:
 
     Attributes:
         frame: its origin is where x and y of percepts are 0, and its altitude that of the ground.
-        errors: what is assumed of pose, mount, pixels and ground.
+        errors: the assumed errors of pose, mount, pixels and ground.
     """
 
     cameras: Mapping[str, Intrinsics]

@@ -1,7 +1,7 @@
 """The state of a camera as a knowledge process: from the platform's fused position, its attitude and the mount's angles.
 
-What is needed at the time of an image is interpolated between what came before and after it, or predicted a little: positions
-by their velocity, angles as they turned last. Pure; time is an argument.
+Values at the time of an image are interpolated between those before and after it, or predicted a little: positions by
+their velocity, angles by their last turn rate. Pure; time is an argument.
 """
 
 from collections import deque
@@ -38,7 +38,7 @@ class CameraStateEstimator:
     Args:
         frame: in which places are north, east, down.
         arm_m: (3,), from the vehicle's reference point to the camera, in body axes.
-        errors: what is assumed; the accuracy of the position is the one that is fused.
+        errors: the assumed ones; the accuracy of the position is that of the fusion.
         is_level: the mount keeps the camera level, so that neither roll nor pitch of the vehicle turns it.
     """
 
@@ -57,7 +57,7 @@ class CameraStateEstimator:
         self._mounts: _Recent[PanTilt] = _Recent()
 
     def on_estimate(self, valid_us: int, estimate: Estimate) -> None:
-        """Take the fused position of the platform; what is older than the last is left out, as in the others."""
+        """Take the fused position of the platform; one older than the last is left out, as in the other methods."""
         self._estimates.add(valid_us, estimate)
 
     def on_attitude(self, report: AttitudeReport) -> None:
@@ -98,7 +98,7 @@ class _Recent(Generic[T]):
         self._kept: deque[tuple[int, T]] = deque(maxlen=_KEPT)
 
     def add(self, valid_us: int, value: T) -> None:
-        """Keep a value; one that is not newer than the last is left out."""
+        """Keep a value; a value that is not newer than the last is left out."""
         if not self._kept or valid_us > self._kept[-1][0]:
             self._kept.append((valid_us, value))
 

@@ -1,7 +1,8 @@
 """The ways in which a vehicle can keep clear of all others, and the cheapest of those that do.
 
-Each is flown ahead as a whole: braking, turning, climbing, and then the way back, which is free when it begins. Level ways veer,
-go to the side or back, or stop; upright ways take the vehicle's own track at another level. What leaves its limits is none.
+Each is flown ahead as a whole: braking, turning, climbing, and then the way back, which is free when it begins. Level
+ways veer, go to the side or back, or stop; upright ways take the vehicle's own track at another level. A way that
+leaves its limits is left out.
 """
 
 from collections.abc import Callable, Iterator, Sequence
@@ -31,7 +32,7 @@ VEERS_M: Final = ((30.0, 50.0), (30.0, 30.0), (60.0, 60.0))
 LEVELS_M: Final = (14.0, 24.0, 36.0)
 BACK_M: Final = 40.0
 NEAR_M: Final = (18.0, 26.0)
-"""How far one that hovers goes aside, within a fence that is narrow: away from what it meets, and to four sides."""
+"""Distances aside for a hovering vehicle, within a fence that is narrow: away from the other, and to four sides."""
 HOVERS_M_S, HERE_M = 2.0, 10.0
 ABOVE_M: Final = WIDER.upright_m + 2.0
 """How far above or below the tube of another a level is."""
@@ -45,7 +46,7 @@ RETURNS_S: Final = (4.0, 8.0, 12.0, 17.0, 22.0, 30.0)
 LATE_S: Final = 35.0
 """When a way back is taken to be free that is not within half a minute."""
 NEVER_S: Final = 60.0
-"""What a manoeuvre costs that is not free of all others."""
+"""The cost of a manoeuvre that is not free of all others."""
 CLIMB_COST_S_PER_M: Final = 0.15
 TURN_COST_S: Final = 2.0
 MOST_LOOKED_INTO: Final = 26
@@ -60,9 +61,9 @@ class PlannedManoeuvre(NamedTuple):
 
     Attributes:
         tube: where the vehicle is then.
-        minima: what it keeps from all others; None: it is the way that keeps farthest from them, and is not free.
+        minima: the separation from all others; None: it is the way that keeps farthest from them, and is not free.
         cost_s: seconds that it costs, energy and change among them.
-        words: what it does.
+        words: the manoeuvre in words.
         speed_m_s: how fast it is flown; None: as fast as the vehicle flies by itself.
         returns: whether its way back becomes free within half a minute.
     """
@@ -83,7 +84,7 @@ class PlannedManoeuvre(NamedTuple):
 
 
 class Yielding(NamedTuple):
-    """What is known when a vehicle yields.
+    """The situation of a vehicle that yields.
 
     Attributes:
         motion: its own now; legs, ending: its way if there were no others; performance: of the vehicle.
@@ -148,7 +149,7 @@ def plan(yielding: Yielding) -> PlannedManoeuvre | None:
 def _closer(
     yielding: Yielding, others: npt.NDArray[np.float64], best: tuple[float, _Candidate, Tube]
 ) -> PlannedManoeuvre:
-    """Nothing keeps the wider minima: what keeps the least ones, else what keeps farthest away."""
+    """No way keeps the wider minima: the cheapest that keeps the least ones, else the one that keeps farthest away."""
     flown = []
     for candidate in _candidates(yielding):
         if candidate.is_within(yielding.allowed):
@@ -291,7 +292,7 @@ def _direction(motion: FlatMotion, legs: Sequence[FlatPlace], speed: float) -> t
 
 
 class _Ahead(NamedTuple):
-    """What the own way meets: levels just clear of that, the nearest first, places short of it, the farthest first, and the ways away from it."""
+    """The meeting on its own way: levels just clear of it, places short of it, and the ways away from it."""
 
     levels: list[float]
     short: list[FlatPlace]

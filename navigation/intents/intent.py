@@ -8,7 +8,7 @@ from typing import Final, NamedTuple
 
 MOST_LEGS: Final = 16
 CLIMB_M_S, DESCENT_M_S = 2.5, 1.5
-"""What autopilots climb and sink at unless they are set otherwise (ArduCopter WPNAV_SPEED_UP, WPNAV_SPEED_DN)."""
+"""The climb and sink rates of autopilots unless they are set otherwise (ArduCopter WPNAV_SPEED_UP, WPNAV_SPEED_DN)."""
 SPEED_M_S: Final = 5.0
 
 
@@ -21,12 +21,12 @@ class IntendedPlace(NamedTuple):
 
 
 class IntentEnding(StrEnum):
-    """What follows the last leg."""
+    """The end of the intent, after the last leg."""
 
     HOVER = "hover"
     LAND = "land"
     OPEN = "open"
-    """Nothing is known: what it flies now, and what it can reach from there."""
+    """Nothing is known: its present motion, and everything that it can reach from there."""
 
 
 class IntentSource(StrEnum):
@@ -44,11 +44,11 @@ class IntentSource(StrEnum):
     TAKE_OFF = "take-off"
     PILOT = "pilot"
     STRAIGHT = "straight"
-    """It has not said: what its motion shows."""
+    """It has not stated an intent: its motion counts."""
 
 
 class RightOfWay(IntEnum):
-    """What right of way follows from; the smaller one goes first, of two that are equal the one whose name sorts first."""
+    """The reason of a right of way; the smaller goes first, of equal ones the vehicle whose name sorts first."""
 
     CANNOT = 0
     """It cannot be commanded: its pilot, a mission that may not be interrupted, RTL, LAND, silence, no member."""
@@ -61,7 +61,7 @@ class RightOfWay(IntEnum):
 
 
 class Contingency(NamedTuple):
-    """What its autopilot flies once its link has been lost for `after_s`; until then, and with no legs, the intent's own."""
+    """The legs after the link has been lost for `after_s`; until then, and without any, those of the intent."""
 
     after_s: float
     legs: tuple[IntendedPlace, ...]
@@ -75,7 +75,7 @@ class Intent(NamedTuple):
         at_us: when it was at the place, with the velocity, from which it flies the legs.
         speed_m_s, climb_m_s, descent_m_s: how fast it flies them, at most.
         radius_m, half_height_m: how far off the line it may be.
-        contingency: what comes instead if platform or link die; None: the legs are flown to their end.
+        contingency: the way if platform or link die; None: the legs are flown to their end.
     """
 
     at_us: int

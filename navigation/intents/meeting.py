@@ -13,7 +13,7 @@ from navigation.intents.path import STEP_S, Tube
 
 
 class Minima(NamedTuple):
-    """How far apart vehicles are to be, level or upright, metres, besides what their tubes are wide."""
+    """The least distances of vehicles, level or upright, metres, besides the widths of their tubes."""
 
     level_m: float
     upright_m: float
@@ -22,7 +22,7 @@ class Minima(NamedTuple):
 MINIMA: Final = Minima(15.0, 10.0)
 """Less than that is a conflict."""
 WIDER: Final = Minima(20.0, 12.0)
-"""What a way that is chosen keeps, so that it is none at the next look."""
+"""The minima of a chosen way, so that the next look still finds it free."""
 NEARER: Final = 0.05
 """By so much a pair that is too near already has to come nearer for a conflict."""
 
@@ -38,7 +38,7 @@ def closeness(own: Tube, others: npt.NDArray[np.float64], minima: Minima) -> Clo
 
 
 def bounds_of(close: Closeness) -> npt.NDArray[np.float64]:
-    """What the closeness of each pair may not fall below: 1, or less where it is less at the start; an array of (K, 1)."""
+    """The least allowed closeness of each pair: 1, or less where it is less at the start; an array of (K, 1)."""
     found: npt.NDArray[np.float64] = np.minimum(1.0, close[:, :1] - NEARER)
     return found
 
@@ -51,7 +51,7 @@ def first_meetings(close: Closeness) -> npt.NDArray[np.float64]:
 
 
 def clearance(close: Closeness) -> float:
-    """The least closeness of all pairs, each in relation to what it may not fall below: at least 1 where all are free."""
+    """The least closeness of all pairs, each in relation to its bound: at least 1 where all are free."""
     if not close.shape[0]:
         return np.inf
     bounds = bounds_of(close)

@@ -34,7 +34,7 @@ Tube: TypeAlias = npt.NDArray[np.float64]
 
 
 class FlatOrigin(NamedTuple):
-    """What metres count from; good for a few kilometres."""
+    """The origin of metres; good for a few kilometres."""
 
     latitude_deg: float
     longitude_deg: float
@@ -51,7 +51,7 @@ class FlatOrigin(NamedTuple):
         return (latitude_deg - self.latitude_deg) * self.north_m_per_deg, east_deg * self.east_m_per_deg
 
     def degrees(self, north_m: float, east_m: float) -> tuple[float, float]:
-        """Latitude and longitude of what is so far north and east of it."""
+        """Latitude and longitude of a place so far north and east of it."""
         longitude_deg = self.longitude_deg + east_m / self.east_m_per_deg
         if abs(longitude_deg) > 180.0:
             longitude_deg = (longitude_deg + 180.0) % 360.0 - 180.0

@@ -18,13 +18,14 @@ _WIDEST: Final = 1000.0
 
 
 class Drop(NamedTuple):
-    """What is known of a drop: the place east and north of an origin, metres, and the height of the lower side above ground.
+    """The known data of a drop: the place east and north of an origin, metres, and the height of the lower side above
+    ground.
 
     Attributes:
-        vx_m_s, vy_m_s: of what it hung from, over ground.
+        vx_m_s, vy_m_s: of the carrier, over ground.
         wind_x_m_s, wind_y_m_s: where it blows to.
         wind_sd_m_s: of each, as far as it is known.
-        place_sd_m: of each coordinate; what hangs from a line swings.
+        place_sd_m: of each coordinate; a box on a line swings.
         speed_sd_m_s: of each component.
         when_sd_s: of the instant.
     """
@@ -76,10 +77,10 @@ class LandingPrior(NamedTuple):
 
 
 def landing(drop: Drop, ground: str = "grass", box: BoxKind | None = None) -> LandingPrior:
-    """Where it comes to rest: what is not known of the drop is carried through the fall, one at a time.
+    """The distribution of its final place: the uncertainties of the drop are carried through the fall, one at a time.
 
     Raises:
-        WrongCall: a number is none, or beyond what can be; there is no such ground.
+        WrongCall: a number is none, or impossible; there is no such ground.
     """
     speeds, deviations = drop[3:7], drop[7:]
     is_one = all(map(isfinite, drop)) and 0.0 <= drop.height_m <= _HIGHEST_M

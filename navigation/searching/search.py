@@ -60,7 +60,7 @@ class FoundBox(NamedTuple):
 
 @dataclass(slots=True)
 class _Candidate:
-    """What was seen of one percept."""
+    """The sightings of one percept."""
 
     first_us: int
     places: list[tuple[float, float, float]] = field(default_factory=list)
@@ -77,7 +77,7 @@ class SightSearch:
         known: places of other things of its kind, metres east and north.
         colour: of the box; None: any.
         height_m: from which it looks.
-        near_m: what is nearer to a known place is that thing.
+        near_m: a percept nearer to a known place is that thing.
 
     Attributes:
         found: the box, once it was found.

@@ -105,7 +105,7 @@ def _heights(body: bytes, rows: int, columns: int, void: float) -> Floats:
 
 
 def _numbers(body: bytes, most: int) -> Floats:
-    """The numbers of a text up to what is none, one more than `most` at most."""
+    """The numbers of a text up to the first word that is none, one more than `most` at most."""
     try:
         found: Floats = np.fromstring(body, dtype=np.float64, sep=" ")
     except ValueError:

@@ -12,7 +12,7 @@ from navigation.terrain.grid import HighGround
 HOVERS_M: Final = 1.0
 """A vehicle that is so much lower than its last place hovers there."""
 STOPS_M: Final = 30.0
-"""So far away a vehicle that is too low already may stop or climb, besides what it needs to brake."""
+"""A vehicle that is too low already may stop or climb within this distance, besides its braking distance."""
 _BRAKES_M_S2, _REACTS_S, _TOLERANCE_M = 2.5, 0.5, 0.01
 
 
@@ -25,7 +25,7 @@ class AerialPlace(NamedTuple):
 
 
 class GroundJudgement(NamedTuple):
-    """What the ground has to say to a way.
+    """The judgement of a way by the ground below it.
 
     Attributes:
         refusal: why it is not flown, or None.
@@ -41,7 +41,7 @@ def judge_way(
 ) -> GroundJudgement:
     """Whether a vehicle that flies straight from `start` to `end` stays `floor_m` above the ground that is known.
 
-    One that is too low already may stop, and climb where it is.
+    A vehicle that is too low already may stop, and climb where it is.
 
     Args:
         elevation: of the ground.

@@ -20,7 +20,7 @@ class Elevation:
 
     Args:
         grids: at least one.
-        name: what they were read from, for users.
+        name: the file they were read from, for users.
     """
 
     def __init__(self, grids: Sequence[HeightGrid], name: str = "") -> None:

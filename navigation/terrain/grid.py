@@ -35,7 +35,7 @@ class HighGround(NamedTuple):
     """The highest ground near some places.
 
     Attributes:
-        height_m: of the highest that is known; -inf: none is, or none higher than what was asked for.
+        height_m: of the highest known ground; -inf: none is known, or none above the given height.
         latitude_deg, longitude_deg: where that is.
         unknown: a place whose height is not known, if there is one.
     """
@@ -47,7 +47,7 @@ class HighGround(NamedTuple):
 
     @property
     def is_high(self) -> bool:
-        """Whether there is ground higher than what was asked for."""
+        """Whether there is ground above the given height."""
         return self.height_m > -np.inf
 
 

@@ -3,11 +3,12 @@
 1. Percepts are matched and the situation is classified; unless a percept is anchored at once, the top plan is halted.
 2. Hypotheses are built of the situation.
 3. A conditional plan is made.
-4. It is executed: moves and looks one by one, each look awaited, then the branch of what was observed.
+4. It is executed: moves and looks one by one, each look awaited, then the branch of its outcome.
 5. The symbol is anchored and the top plan resumed, or the failure is reported.
 
-A look in a search is a Find: what it sees may be ambiguous again, which is a recovery within the recovery, to a depth of
-`RecoveryLimits.levels`. What does not come in time is not waited for: a plan is made without it, of the hypotheses that remain.
+A look in a search is a Find: the percepts in view may be ambiguous again, which is a recovery within the recovery, to a
+depth of `RecoveryLimits.levels`. After a deadline a new plan is made of the remaining hypotheses, without the move or
+look that was late.
 """
 
 from collections.abc import Iterable, Mapping, Sequence
@@ -64,7 +65,7 @@ class RecoveryLimits:
 
 
 class RecoveryPhase(Enum):
-    """What a recovery waits for; the value is how messages name it."""
+    """The event that a recovery waits for; the value is its name in messages."""
 
     FINDING = "percepts"
     PLANNING = "a plan"
@@ -78,7 +79,7 @@ class AnchoringRecovery:
     """Anchors one symbol, with as many looks as that takes.
 
     Args:
-        symbol: what the top plan calls the object.
+        symbol: the object's name in the top plan.
         knowledge: places, ways and viewpoints; where the observer is is kept up here.
     """
 
@@ -106,7 +107,7 @@ class AnchoringRecovery:
         self._outer: RemainingProblem | None = None
 
     def on_event(self, event: RecoveryEvent, now_us: int) -> list[RecoveryEffect]:
-        """What follows from an event; one that answers nothing under way is ignored."""
+        """The effects of an event; an event that answers nothing under way is ignored."""
         match event:
             case PerceptsSeen(percepts) if self.phase is RecoveryPhase.FINDING:
                 return self._found(percepts, now_us)
@@ -126,7 +127,7 @@ class AnchoringRecovery:
         return []
 
     def on_time(self, now_us: int) -> list[RecoveryEffect]:
-        """Replan without what did not come in time."""
+        """Replan after a deadline, without the late move or look."""
         if self.deadline_us is None or now_us < self.deadline_us:
             return []
         if self.phase is RecoveryPhase.MOVING:
@@ -151,7 +152,7 @@ class AnchoringRecovery:
             self._remaining.add_ways(ways)
 
     def shown(self, target: str, properties: PerceptProperties) -> str:
-        """What a look at a candidate shows that has these properties, as the branches of plans name it."""
+        """The outcome of a look at a candidate with these properties, as the branches of plans name it."""
         matches = () if self.situation is None else self.situation.matches
         names = next((each.unobserved for each in matches if each.percept == target), ())
         return shown_by_look(self.description, names, properties, self.options.gates, self.knowledge)
@@ -254,7 +255,7 @@ class AnchoringRecovery:
         return [SensingActionStarted(self._number, action, self.deadline_us, monitor)]
 
     def _ended(self, plan: ConditionalPlan, now_us: int) -> list[RecoveryEffect]:
-        """Step 5: what the plan has found out."""
+        """Step 5: the result of the plan."""
         if plan.end == "fail":
             return self._failed("the plan does not cover what was observed")
         if plan.answer == NONE and self._outer is not None:
@@ -266,7 +267,7 @@ class AnchoringRecovery:
         return self._anchored(plan.answer)
 
     def _search_continued(self, outer: RemainingProblem, now_us: int) -> list[RecoveryEffect]:
-        """What a search had seen is not the object: it continues at the places that remain."""
+        """The object found in a search is not the wanted one: continue at the places that remain."""
         self._remaining, self._outer = outer, None
         self.level -= 1
         outer.drop_answers(self.knowledge.searched)

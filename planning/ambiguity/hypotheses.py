@@ -1,8 +1,8 @@
 """Hypotheses that an ambiguous anchoring situation leaves, and the problem of deciding between them.
 
-"Have another look", section 4.1. In case 1 the object may be visible from each place that was not searched yet, or from none. In
-cases 2 and 4 each partially matching percept may be the object or not, by what its unobserved properties are, and from where they
-are visible.
+"Have another look", section 4.1. In case 1 the object may be visible from each place that was not searched yet, or from
+none. In cases 2 and 4 each partially matching percept may be the object or not, depending on its unobserved properties
+and the places from which they are visible.
 """
 
 from collections.abc import Iterable, Iterator, Mapping, Sequence
@@ -25,12 +25,12 @@ from planning.contingent.sensing_problems import (
 MATCHING: Final = "as-described"
 OTHER: Final = "other"
 ABSENT: Final = "f"
-"""What a look shows of a property that is not visible from there, or that an object does not have."""
+"""The outcome of a look for a property that is not visible from there, or that an object does not have."""
 
 
 @dataclass(frozen=True, slots=True)
 class LookingKnowledge:
-    """What is known about the area and about properties.
+    """The observer's knowledge of the area and of properties.
 
     Attributes:
         ways: to which places one can move from each.
@@ -54,7 +54,7 @@ class Possibilities(NamedTuple):
 
     Attributes:
         none: no percept is the object, or it is at no place.
-        also: of one that matches completely, that another one matches as well.
+        also: of one that matches completely: that another one matches, too.
         both: that two partially matching percepts match.
     """
 
@@ -134,7 +134,7 @@ def shown_by_look(
     gates: ObservationGates,
     knowledge: LookingKnowledge,
 ) -> str:
-    """What a look shows that observes these properties of a percept, as plans name it; `names`: those it is to be looked at for."""
+    """The outcome of a look that observes these properties, as plans name it; `names`: the properties to look for."""
     shown = []
     for name in names:
         found = seen.get(name)
@@ -175,7 +175,7 @@ class _Worlds:
 def _states(
     description: ObjectDescription, match: CandidateMatch, knowledge: LookingKnowledge, *, is_match: bool
 ) -> Iterator[_State]:
-    """What the unobserved properties of a percept may be: all as described, or at least one of them not."""
+    """The possible values of a percept's unobserved properties: all as described, or at least one of them not."""
     choices = []
     for name in match.unobserved:
         places = knowledge.viewpoints.get(name, tuple(knowledge.ways))
@@ -202,7 +202,7 @@ def _states(
 def _values(
     description: ObjectDescription, name: str, knowledge: LookingKnowledge
 ) -> tuple[tuple[str, ...], tuple[str, ...]]:
-    """What a look can show of a property as it is described, and otherwise."""
+    """The outcomes of a look for a property that is as described, and of one that is not."""
     allowed = description.properties[name]
     domain = knowledge.domains.get(name)
     if isinstance(allowed, AllowedValues):

@@ -16,14 +16,14 @@ class PerceptsSeen(NamedTuple):
 
 
 class FeatureObserved(NamedTuple):
-    """Event: what look `number` showed, one of the values of the plan's branches."""
+    """Event: the outcome of look `number`, one of the values of the plan's branches."""
 
     number: int
     value: str
 
 
 class SensingActionEnded(NamedTuple):
-    """Event: move `number` has ended; one that did not succeed makes the way impassable for this recovery."""
+    """Event: move `number` has ended; a failed one makes the way impassable for this recovery."""
 
     number: int
     succeeded: bool
@@ -65,7 +65,7 @@ class RecoveryPlanMade(NamedTuple):
 
     Attributes:
         level: 1, or more in a recovery within a recovery.
-        left_out: hypotheses beyond what is planned for.
+        left_out: hypotheses that the plan leaves out.
     """
 
     level: int
@@ -81,7 +81,7 @@ class SensingActionStarted(NamedTuple):
     Attributes:
         number: to answer with; numbers grow.
         until_us: when it counts as failed.
-        monitor: formula of what it has to bring about, and until when (thesis 7.7).
+        monitor: formula of its goal, with its deadline (thesis 7.7).
     """
 
     number: int

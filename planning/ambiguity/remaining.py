@@ -1,4 +1,4 @@
-"""What remains of a problem while its plan is executed: hypotheses, looks and ways."""
+"""The rest of a problem while its plan is executed: hypotheses, looks and ways."""
 
 from collections.abc import Collection, Iterable, Mapping
 from dataclasses import replace

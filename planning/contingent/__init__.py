@@ -1,5 +1,6 @@
 """Conditional plans of actions that observe: which object it is, or where, is found out by looking from elsewhere.
 
-What is uncertain is a set of hypotheses with degrees of possibility; a plan branches by what is observed, until every hypothesis
-that remains has the same answer. Sources: "Have another look", section 4, and Karlsson's progressive conditional planning.
+Uncertainty is a set of hypotheses with degrees of possibility; a plan branches by observations, until all remaining
+hypotheses have the same answer. Sources: "Have another look", section 4, and Karlsson's progressive conditional
+planning.
 """

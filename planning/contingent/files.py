@@ -45,7 +45,7 @@ class RecoveryCase(NamedTuple):
     """A problem as it is written.
 
     Attributes:
-        notes: what was omitted or changed, and keys that mean nothing here.
+        notes: omitted or changed parts, and unknown keys.
         errors: of looks; None where they never err.
     """
 

@@ -1,4 +1,4 @@
-"""A good plan where the best one is out of reach: each next look separates the most hypotheses for what it costs."""
+"""A good plan where the best one is out of reach: each next look separates the most hypotheses for its cost."""
 
 from collections.abc import Callable, Iterable
 from typing import TypeAlias
@@ -13,7 +13,7 @@ class GreedySearch:
     """Steps that are chosen one by one, without looking ahead.
 
     Args:
-        stop: what it returns, unless it is empty, ends the search: there are no steps from then on.
+        stop: a text that it returns ends the search: there are no steps from then on; "" does not.
     """
 
     def __init__(self, compiled: CompiledSensing, stop: Callable[[], str] = str) -> None:
@@ -31,7 +31,7 @@ class GreedySearch:
         best: tuple[float, str, str] | None = None
         chosen: MacroLook | None = None
         distances, cost = self._compiled.distances(place), self._compiled.problem.costs.look
-        useful: _Looks = []  # what shows nothing new here shows nothing new to any part of this belief
+        useful: _Looks = []  # a look that shows nothing new here shows nothing new to any part of this belief
         for target, look in self._useful.pop(belief, self._every):
             gain = _separated(belief & mask for mask in look.masks)
             if gain:

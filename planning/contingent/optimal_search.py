@@ -1,7 +1,8 @@
 """The best conditional plan for a problem of looking: memoised search over e-states, with bounds that cut branches.
 
-An e-state is a place and a set of merged hypotheses, a bit each. Between looks the way is a shortest one, so that only looks are
-branched on: a look with the moves that lead to it is one macro step. Every branch is the best for what remains there.
+An e-state is a place and a set of merged hypotheses, a bit each. Between looks the way is a shortest one, so that only
+looks are branched on: a look with the moves that lead to it is one macro step. Every branch is the best one for its
+remaining hypotheses.
 """
 
 from collections.abc import Callable
@@ -16,7 +17,7 @@ MOST_CLASSES: Final = 200
 """Merged hypotheses with which the best plan is searched for at all."""
 PlanValue: TypeAlias = Literal["worst", "expected"]
 Worth: TypeAlias = tuple[int, int, int]
-"""What is compared: the cost (of the worst branch, or expected times the sum of all weights), leaves, and actions."""
+"""The order of plans: the cost (of the worst branch, or expected times the sum of all weights), leaves, and actions."""
 _Target: TypeAlias = tuple[tuple[int, int], str]
 
 
@@ -39,7 +40,7 @@ class OptimalSearch:
     """Worths of e-states, each computed once.
 
     Args:
-        stop: called now and then; what it returns, unless it is empty, ends the search.
+        stop: called now and then; a text that is not empty ends the search.
     """
 
     def __init__(
@@ -90,7 +91,7 @@ class OptimalSearch:
         )
 
     def _best(self, belief: int, place: str) -> Worth | None:
-        """The best of all looks; those whose bounds are lowest are weighed first."""
+        """The best of all looks; looks with the lowest bounds are weighed first."""
         ordered = list[tuple[Worth, int, _Target, MacroLook]]()
         for number, (far, target) in enumerate(self._targets_from(place)):
             for look in self._compiled.looks[target]:

@@ -34,7 +34,7 @@ class RecoveryPlan:
         expected: cost, by the possibilities of the hypotheses that it covers.
         covered: the part of all possibility under which the plan reaches the goal.
         is_optimal: there is no better one.
-        notes: what is not covered, and why the plan may not be the best.
+        notes: the hypotheses that are not covered, and why the plan may not be the best.
     """
 
     plan: ConditionalPlan
@@ -72,10 +72,10 @@ def plan_recovery(
     """The best plan, or within limits a good one, or the reason why there is none.
 
     Args:
-        problem: what is to be found out.
+        problem: hypotheses, looks, ways and costs.
         value: `worst` is the cost of the most expensive branch, `expected` the mean over hypotheses, by possibility. Of
             equal plans it is that with fewer leaves, then with fewer actions, then that whose actions come first by name.
-        least_possibility: what is known is known but for hypotheses that are no more possible than this.
+        least_possibility: hypotheses that are no more possible than this may stay unresolved.
         stop: called now and then; a text that is not empty ends the search.
         most_steps: looks that are weighed before the search for the best plan is given up.
     """
@@ -160,7 +160,7 @@ def _continued(compiled: CompiledSensing, search: _Search, part: _Part) -> list[
 
 
 class _Sums:
-    """What the leaves of a plan add up to."""
+    """Sums over the leaves of a plan."""
 
     def __init__(self, compiled: CompiledSensing) -> None:
         self._compiled = compiled

@@ -1,4 +1,4 @@
-"""What a plan takes at least: bounds of worths that a search for the best plan cuts branches with.
+"""Lower bounds of a plan's worth, with which a search for the best plan cuts branches.
 
 Let each look have an outcome that it keeps: that of most hypotheses at the start. On the branch of kept outcomes a look removes at
 most `_most_removed` hypotheses, and all looks from one place together only those of `_removed_at`. The branch ends when one answer
@@ -129,7 +129,7 @@ class SearchBounds:
 
 
 def _nearest(compiled: CompiledSensing) -> int:
-    """What it costs at least to go from one place of looks to another."""
+    """The least cost of going from one place of looks to another."""
     ways = compiled.problem.ways.values()
     if len(compiled.looks) > _MOST_COMPARED:
         return compiled.problem.costs.move * min((length for way in ways for length in way.values()), default=0)

@@ -1,4 +1,4 @@
-"""Problems of looking: hypotheses about one world that stands still, places, and what each look would show.
+"""Problems of looking: hypotheses about one world that stands still, places, and the outcome of each look.
 
 An e-state of such a problem is where the observer is, and which hypotheses remain: moving changes the one, looking the other.
 Hypotheses that no look tells apart are merged; if their answers differ, no plan can exist.
@@ -32,7 +32,7 @@ class RecoveryHypothesis(NamedTuple):
 
 
 class PossibleLook(NamedTuple):
-    """A look from a place at an object, and what it shows: for each value the hypotheses under which it does, a bit each."""
+    """A look from a place at an object, with its outcomes: for each value the hypotheses that show it, a bit each."""
 
     place: str
     target: str
@@ -66,7 +66,7 @@ class LookErrors(NamedTuple):
 
 @dataclass(frozen=True, slots=True)
 class SensingProblem:
-    """What is to be found out, and how that can be done.
+    """The hypotheses to decide between, and the means to do so.
 
     Attributes:
         task: `identify` ends by an action that anchors the symbol, `search` as soon as the place is known.
@@ -134,7 +134,7 @@ class CompiledSensing:
 
     Attributes:
         classes, heads: merged hypotheses, and the number of the first of each.
-        looks: those that show something, by place.
+        looks: the informative looks, by place.
         conflicts: sets of hypotheses, by number, that no look tells apart though their answers differ.
         unreachable: places of looks to which no way leads from the start.
     """

@@ -9,7 +9,7 @@ from planning.contingent.sensing_problems import PossibleLook, RecoveryHypothesi
 
 
 def problem_record(problem: SensingProblem) -> dict[str, Any]:
-    """The problem; what is visible under a hypothesis is in its looks."""
+    """The problem; visibility under a hypothesis is part of its looks."""
     return {
         "task": problem.task,
         "ways": {place: dict(others) for place, others in problem.ways.items()},

@@ -23,7 +23,7 @@ class ShortestWalks:
         self._known: dict[tuple[str, int, int], int] = {}
 
     def cost(self, place: str, visited: int, count: int) -> int:
-        """What it costs at least to visit `count` of the places of a mask from a place on."""
+        """The least cost of visiting `count` of the places of a mask, from a place on."""
         masks = bits_of(visited)
         if len(masks) > MOST_PLACES:
             count = max(0, count - (len(masks) - MOST_PLACES))

@@ -1,4 +1,4 @@
-"""Planning domains and problems: what there is, what operators do, which plans are wanted.
+"""Planning domains and problems: objects, features, operators, goals and control formulas.
 
 They are read from text, checked against one another and printed back. Formulas are those of `reasoning`, over features that take terms.
 """

@@ -1,7 +1,7 @@
 """Domains and problems checked against themselves: names, sorts, cycles, bindings, effects that contradict one another.
 
-Every error is reported, with its place. A problem is checked together with its domain; what is wrong with the domain has
-been reported before.
+Every error is reported, with its place. A problem is checked together with its domain; errors of the domain have been
+reported before.
 """
 
 from collections.abc import Iterable, Iterator
@@ -18,7 +18,7 @@ _BUILT_IN: Final = (BOOLEAN, *model.NUMBERS)
 
 
 def check_declarations(before: Declarations, found: Declarations, errors: ErrorCollector) -> None:
-    """Look at what was found, after what was declared before; errors go to the collector."""
+    """Check `found`, after the declarations `before`; errors go to the collector."""
     checks = _Checks(before.joined(found), errors)
     checks.names(before, found)
     if errors.errors:

@@ -19,10 +19,10 @@ _MS: Final = 1000
 
 
 class ExpressionReader(ErrorCollector):
-    """Reads expressions; what is wrong with numbers, stamps and intervals is collected."""
+    """Reads expressions; collects errors of numbers, stamps and intervals."""
 
     _stamp: tuple[tuple[str, int], ...] | None = None
-    """The only one that may stand in what is read."""
+    """The only stamp that may stand in the expression."""
 
     def read(self, node: Any) -> Expression:
         place, parts = place_of(node, self.text), node.children
@@ -177,7 +177,7 @@ class ExpressionReader(ErrorCollector):
         return tree.Always(self._timed(node, 0, variables)[0], place=place_of(node, self.text))
 
     def _timed(self, node: Any, later: int, times: set[str]) -> tuple[Expression, int]:
-        """A part of a formula with stamps, about the state that is `later`, and what follows is about."""
+        """A part of a formula with stamps, `later` states ahead, and the state of the parts that follow."""
         place, parts = place_of(node, self.text), node.children
         if node.data == "stamped":
             points = self.stamp_of(parts[0])

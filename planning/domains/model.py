@@ -1,9 +1,9 @@
 """Planning domains and problems as values (thesis 7.3, 7.4.1): types, features, operators, control formulas, goals.
 
 Expressions are the nodes of `reasoning.formulas.tree` for connectives, comparisons, temporal operators and arithmetic,
-with the nodes below for what TAL has and streams have not: features of terms, quantifiers over types, `next`, `goal`.
-A name in an expression is a `Call` without arguments; what it is (variable, constant, object, feature) follows from where
-it stands. Numbers of time are milliseconds, as in the thesis.
+with the nodes below for what TAL has and streams have not: features of terms, quantifiers over types, `next`, `goal`. A
+name in an expression is a `Call` without arguments; its place decides whether it is a variable, constant, object or
+feature. Numbers of time are milliseconds, as in the thesis.
 """
 
 from collections.abc import Iterator, Mapping
@@ -32,7 +32,7 @@ COMMANDS: Final = {
 }  # fmt: skip
 """Commands to a vehicle, and how many numbers they take: metres east, north and above the origin of the mission, or seconds."""
 SENSORS: Final = ("east", "north", "height", "airborne", "attached", "load")
-"""What is sensed of an object: metres from the origin of the mission, whether it flies, whether one unit carries another object."""
+"""The sensed quantities of an object: metres from the mission's origin, whether it flies or carries another."""
 
 
 @dataclass(frozen=True, slots=True)
@@ -89,7 +89,7 @@ class Constant(tree.Node):
 
 @dataclass(frozen=True, slots=True)
 class FeatureDeclaration(tree.Node):
-    """A fluent: the types of its arguments, the sort of its value, and what it is unless a problem gives it.
+    """A fluent: the types of its arguments, the sort of its value, and its default value.
 
     Attributes:
         within: measured values that lie no further apart are equal to monitors, as fixed-point numbers are.
@@ -170,8 +170,8 @@ class Operator(tree.Node):
     """An operator in the order of its clauses; `duration` is the expected one, else the middle of `timeconstraint`.
 
     `recovery` is run if an action fails, or violates what its conditions, effects and durations are monitored by.
-    `commands` are what the unit's vehicle is to do, one after another. `located` are features of one object that are looked
-    at then: the action has not ended before they were seen, and what was seen counts, not what the effects say.
+    `commands` are what the unit's vehicle is to do, one after another. `located` are features of one object that are
+    sensed at its end: the action has not ended before they were seen, and the seen values count instead of the effects.
     """
 
     name: str
@@ -191,7 +191,7 @@ class Operator(tree.Node):
 
 @dataclass(frozen=True, slots=True)
 class RecoveryOperator(tree.Node):
-    """What is done about a violation before a new plan is made (7.5.3); `replan` is done before every new plan.
+    """The reaction to a violation before a new plan is made (7.5.3); `replan` is done before every new plan.
 
     Attributes:
         parameters: named as those of the operator, or the free variables of the formula, that names it.
@@ -230,7 +230,7 @@ class Objects(tree.Node):
 
 @dataclass(frozen=True, slots=True)
 class Observation(tree.Node):
-    """The value of a feature from a time on: initially, or by what no operator does, as an area that opens."""
+    """The value of a feature from a time on: initially, or by an event outside the plan, such as an area that opens."""
 
     target: Application
     value: Expression
@@ -239,7 +239,7 @@ class Observation(tree.Node):
 
 @dataclass(frozen=True, slots=True)
 class GoalStatement(tree.Node):
-    """What holds at the end, and from `deadline_ms` on; one with a weight may stay unreached at that cost."""
+    """A condition at the end, and from `deadline_ms` on; one with a weight may stay unreached at that cost."""
 
     name: str
     formula: Expression

@@ -1,7 +1,8 @@
 """Declarations as plain data for another process of this platform, and back: without the places of their nodes, which only messages need.
 
-The text is JSON: of each declaration or formula its kind and its fields, in their order. What comes back is checked field by
-field against what the kind declares: a platform that a journal is replayed to reads what a stranger may have written.
+The text is JSON: of each declaration or formula its kind and its fields, in their order. A text that comes back is
+checked field by field against the kind's declaration: a platform that a journal is replayed to may read a text from a
+stranger.
 """
 
 import json
@@ -18,7 +19,7 @@ T = TypeVar("T")
 Check = Callable[[Any], Any]
 """Takes what JSON has and gives the value; raises ValueError."""
 LONGEST: Final = 32 * 2**20
-"""Characters of what is read: the longest texts come to a third of it."""
+"""Limit of a text to unpack, in characters: the longest texts come to a third of it."""
 _PLACE: Final = "place"
 _KINDS: Final[dict[str, type]] = {
     name: kind
@@ -34,7 +35,7 @@ def packed(value: object) -> str:
 
 
 def unpacked(text: str, kind: type[T]) -> T:
-    """What was packed.
+    """The declarations in a packed text.
 
     Raises:
         ValueError: it was not packed here, or is no `kind`.

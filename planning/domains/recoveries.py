@@ -1,4 +1,4 @@
-"""Recovery operators checked: what they change, and that operators and monitors that name one have its parameters."""
+"""Checks of recovery operators: their changes, and that operators and monitors that name one have its parameters."""
 
 from collections.abc import Callable, Iterable, Iterator
 
@@ -52,7 +52,7 @@ def check_recoveries(
 def check_located(
     located: Iterable[model.Application], bound: dict[str, str | None], sorts: SortChecker, errors: ErrorCollector
 ) -> None:
-    """What is looked for, or at, are features of objects."""
+    """Check that located terms are features of objects."""
     for term in located:
         sorts.sort(term, bound)
         if not isinstance(term, model.Application) or term.name not in sorts.features:

@@ -1,4 +1,4 @@
-"""Sorts of expressions: what every name in them means, and whether values of one sort meet.
+"""Sorts of expressions: the meaning of every name in them, and whether values of one sort meet.
 
 A sort is `boolean`, `fp` for numbers, or the name of a type; None is unknown, after an error, and fits everywhere.
 """
@@ -96,7 +96,7 @@ class SortChecker:
             self.error(f"a truth value is wanted, this is {_named(sort)}", node, "compare it: ... == ...")
 
     def sort(self, node: Expression, bound: Bound) -> str | None:
-        """The sort of an expression; what is wrong inside is an error."""
+        """The sort of an expression; errors inside are collected."""
         match node:
             case tree.Const(value):
                 return BOOLEAN if isinstance(value, bool) else NUMBER
@@ -216,7 +216,7 @@ class SortChecker:
         return NUMBER
 
     def _sort_of_derived(self, one: model.Derived) -> str | None:
-        """Of its body; what is wrong in that is reported where it is defined."""
+        """The sort of its body; errors in the body are reported at its definition."""
         if one.name not in self._derived_sorts:
             self._derived_sorts[one.name] = None
             quiet = SortChecker(self.declared, ErrorCollector(""))

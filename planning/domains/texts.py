@@ -245,7 +245,7 @@ class _StatementReader(ExpressionReader):
 
 
 class _Clauses:
-    """The clauses of one operator; those that are repeated add up."""
+    """The clauses of one operator; repeated clauses add up."""
 
     def __init__(self, reader: _StatementReader, start: str, end: str) -> None:
         self._reader, self._start, self._end = reader, start, end

@@ -24,7 +24,7 @@ class KnownCondition(NamedTuple):
 
 
 class ActionResult(NamedTuple):
-    """What an action does in the worlds in which `condition` holds: fluents get values, and something is observed."""
+    """The effects and observations of an action in the worlds in which `condition` holds."""
 
     condition: WorldCondition | None
     effects: tuple[tuple[Fluent, str], ...]
@@ -51,7 +51,7 @@ EState: TypeAlias = tuple[tuple[int, World], ...]
 
 
 class ActionOutcome(NamedTuple):
-    """What one action may lead to: an e-state for each observation; a single one without observation where it shows nothing."""
+    """The results of one action: an e-state for each observation, or a single one if it shows nothing."""
 
     action: SensingAction
     branches: tuple[tuple[ObservedFeature | None, EState], ...]
@@ -59,7 +59,7 @@ class ActionOutcome(NamedTuple):
 
 @dataclass(frozen=True, slots=True)
 class EpistemicProblem:
-    """Actions, the worlds of all hypotheses with their possibilities, and what is to be known in the end."""
+    """Actions, the worlds of all hypotheses with their possibilities, and the goal."""
 
     actions: tuple[EpistemicAction, ...]
     worlds: tuple[World, ...]
@@ -68,7 +68,7 @@ class EpistemicProblem:
 
 
 def outcomes(actions: tuple[EpistemicAction, ...], state: EState) -> Iterator[ActionOutcome]:
-    """Every action whose preconditions are known, with what it may lead to."""
+    """Every action whose preconditions are known, with its outcomes."""
     worlds = tuple(dict.fromkeys(world for _, world in state))
     for action in actions:
         seen: set[tuple[str, ...]] = set()
@@ -108,7 +108,7 @@ def _outcome(action: EpistemicAction, name: Fluent, binding: Binding, state: ESt
 
 
 def _applied(action: EpistemicAction, world: World, binding: Binding) -> tuple[World, ObservedFeature | None]:
-    """The world after an action, and what is observed; conditions are those of the world before."""
+    """The world after an action, and the observation; conditions are those of the world before."""
     values: dict[Fluent, str] = dict(world)
     seen: list[tuple[Fluent, str]] = []
     for result in action.results:
@@ -122,7 +122,7 @@ def _applied(action: EpistemicAction, world: World, binding: Binding) -> tuple[W
 
 
 def _observed(seen: list[tuple[Fluent, str]]) -> ObservedFeature | None:
-    """All that an action shows as one observation."""
+    """All observations of an action as one."""
     if not seen:
         return None
     seen.sort()

@@ -1,4 +1,4 @@
-"""Worlds, conditions on them, and what is known: what holds in the worlds of all hypotheses that remain."""
+"""Worlds and conditions on them; a condition is known if it holds in the worlds of all remaining hypotheses."""
 
 from collections.abc import Iterator, Mapping
 from dataclasses import dataclass
@@ -90,7 +90,7 @@ def known_bindings(
 ) -> Iterator[dict[str, str]]:
     """The values of variables with which a condition is known, in the order of their names.
 
-    A variable gets its values from the fluents that the condition names; one that is bound already keeps its value.
+    A variable gets its values from the fluents that the condition names; a bound variable keeps its value.
     """
     free = [each for each in variables if each not in binding]
     if not free:

@@ -118,7 +118,7 @@ class _EpistemicSearch:
         return cost + worst, leaves, actions
 
     def _continued(self, state: EState) -> list[ActionOutcome]:
-        """What can be done, by name, but for what leaves everything as it is."""
+        """The possible actions, by name, without those that change nothing."""
         if state not in self._outcomes:
             found = [each for each in outcomes(self._problem.actions, state) if each.branches[0][1] != state]
             self._outcomes[state] = sorted(found, key=lambda each: str(each.action))

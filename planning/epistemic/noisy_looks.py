@@ -1,7 +1,7 @@
 """Looks that may err: beliefs are probabilities, updated by Bayes' rule, and a plan may look twice at the same.
 
-What is planned is a number of looks at most. A branch succeeds as soon as one answer is probable enough; the plan is that under which
-most branches do, by their probability, and of these the cheapest in the mean.
+The plan has a maximum number of looks. A branch succeeds as soon as one answer is probable enough; the plan is that
+under which most branches do, by their probability, and of these the cheapest in the mean.
 """
 
 from collections.abc import Callable
@@ -118,7 +118,7 @@ class _NoisySearch:
             self._count()
             after_looks = self._outcomes(counts, number)
             if min(probability for _, probability in after_looks) < _EQUAL:
-                continue  # what it shows is certain already
+                continue  # its outcome is certain already
             success, cost = 0.0, float(far[target][0] + self._compiled.problem.costs.look)
             for after, probability in after_looks:
                 worth = self.worth(target, after)
@@ -158,7 +158,7 @@ class _NoisySearch:
         return ConditionalPlan(actions, end="success", answer=answer, possibility=probability)
 
     def _outcomes(self, counts: _Counts, number: int) -> list[tuple[_Counts, float]]:
-        """What a look may show, something and nothing: the looks then, and how probable that is."""
+        """The outcomes of a look, something and nothing: the counts then, and the probability."""
         posterior = self._posterior(counts)
         shows = self._likelihoods(number)
         shown = sum(p * each for p, each in zip(posterior, shows, strict=True))

@@ -13,8 +13,8 @@
     (hypothesis 0.5 (anchor b1 = f))
     (goal (?x) (anchored b1 = ?x))
 
-A fluent without `=` is `t`, one that is not mentioned is `f`. A precondition has variables and what has to be known of them; the goal too.
-Comments begin with `;`.
+A fluent without `=` is `t`, one that is not mentioned is `f`. A precondition has variables and a condition on them that
+has to be known; so has the goal. Comments begin with `;`.
 """
 
 import re

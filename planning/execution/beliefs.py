@@ -1,4 +1,4 @@
-"""What a mission holds for true: what states show, and where no state says anything, what its actions have done."""
+"""The beliefs of a mission: values from states, and without them the effects of its actions."""
 
 from collections.abc import Callable, Iterable, Mapping
 from typing import NamedTuple
@@ -37,7 +37,7 @@ class Beliefs:
                 self._sensed[label] = _Known(valid_us, value)
 
     def change(self, now_us: int, changes: Iterable[tuple[str, Value]]) -> None:
-        """What an action has done, or what is assumed from now on."""
+        """Note effects of an action, or assumptions from now on."""
         for label, value in changes:
             self._believed[label] = _Known(now_us, value)
 
@@ -69,5 +69,5 @@ class Beliefs:
             self._sensed.pop(label, None)
 
     def settle(self, labels: Iterable[str]) -> None:
-        """What was seen once holds until an action changes it, unless states still show it."""
+        """Keep the last sensed values: they hold until an action changes them or states show them again."""
         self._believed |= {label: self._sensed.pop(label) for label in labels if label in self._sensed}

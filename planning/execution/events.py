@@ -20,7 +20,7 @@ class StateSampled(NamedTuple):
 
 
 class ActionEnded(NamedTuple):
-    """What `StartAction` began has ended, or could not be begun; `seen` are labels that were looked at then."""
+    """The action of `StartAction` has ended, or could not be begun; `seen` are the labels observed at its end."""
 
     step: int
     succeeded: bool
@@ -29,7 +29,7 @@ class ActionEnded(NamedTuple):
 
 
 class NotLocated(NamedTuple):
-    """What `Locate` was about has been looked for in vain."""
+    """The search of `Locate` was in vain."""
 
     reason: str
 

@@ -1,9 +1,9 @@
 """The executor of one plan (thesis 7.5.3, 7.6): which action begins when, its flag, its monitors, its effects.
 
-The life of an action: it waits for the actions it depends on, and if things come about by themselves, as areas that open,
-for its time; its flag is set and its monitors are added;
-the first state after that shows its conditions, and the command goes out; it ends, and the flag is cleared; the first state
-after that settles its monitors, and what depends on it may begin. Nothing begins without a state.
+The life of an action: it waits for the actions it depends on, and, in a problem with events such as areas that open,
+for its time; its flag is set and its monitors are added; the first state after that shows its conditions, and the
+command goes out; it ends, and the flag is cleared; the first state after that settles its monitors, and dependent
+actions may begin. Nothing begins without a state.
 
 A fault ends the execution: the caller reads `fault` after every call, and aborts.
 """
@@ -40,7 +40,7 @@ class StepPhase(StrEnum):
 
 @dataclass(frozen=True, slots=True)
 class ExecutionFault:
-    """What went wrong with a plan.
+    """The fault of a plan.
 
     Attributes:
         kind: `violated`, `failed`, or `unknown` if states did not show what they should in time.
@@ -85,8 +85,8 @@ class PlanExecutor:
     Args:
         declared: the domain with the problem that the plan is for.
         plan: its actions.
-        begun_us: what the times of the plan count from.
-        beliefs: what holds; effects of actions go there.
+        begun_us: the origin of the plan's times.
+        beliefs: the beliefs; effects of actions are added.
         flags: execution flags.
         first: the number of the first step.
         patience_us: how long an action may wait for states that show its conditions.
@@ -123,7 +123,7 @@ class PlanExecutor:
 
     @property
     def labels(self) -> frozenset[str]:
-        """What states are to show now: what is monitored, and what the next actions will be checked by."""
+        """The labels that states have to show now: of active monitors, and of the conditions of the next actions."""
         found = set(self._watched.labels)
         for one in self.steps.values():
             if one.phase is StepPhase.WAITING and self._depends_on_nothing(one):
@@ -263,7 +263,7 @@ class PlanExecutor:
         )
 
     def _violated(self, at_us: int) -> None:
-        """The fault of what the newest state violated: one that has a recovery goes first, one about what is done now."""
+        """The fault of the newest state's violation: a monitor with a recovery goes first, then a current action's."""
         first = min(self._watched.violated, key=lambda one: (one.recovery is None, _RANKS.get(one.kind, 0)))
         name = first.about if first.kind == "global" else f"{first.kind} of {first.about}"
         text = f"{first.kind} of {first.about} is violated: {first.text}"

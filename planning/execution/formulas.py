@@ -1,4 +1,4 @@
-"""Conditions of a domain as formulas of `reasoning` that can be printed and read back: what monitors progress.
+"""Conditions of a domain as formulas of `reasoning` for monitors; they can be printed and read back.
 
 A feature that a problem gives, nothing changes and nothing senses, a goal's coordinates for one, is a constant; all others are
 read from states, and so are the numbers of a condition that is flagged `monitored` and would be constant otherwise.
@@ -182,19 +182,19 @@ def _squared(sign: str, sides: tuple[Any, Any], limit: Any) -> tree.Formula:
 
 
 def _quoted(term: Any) -> Any:
-    """Objects and values of types as strings: text reads back as what it is."""
+    """Objects and values of types as quoted strings, so that printed formulas are read back unchanged."""
     return replace(term, quoted=True) if isinstance(term, tree.Const) and isinstance(term.value, str) else term
 
 
 def _constant(value: Value) -> tree.Const:
-    """Coordinates to a millionth: what is finer is the arithmetic's."""
+    """A constant; coordinates are rounded to a millionth, below which only rounding errors differ."""
     if isinstance(value, float):
         return tree.Const(round(value, 6) + 0.0)
     return tree.Const(value if isinstance(value, bool | int) else str(value))
 
 
 def _rewritten(node: Any, change: Callable[[Any], Any]) -> Any:
-    """The tree with each node changed, outside first; what a change made is not entered again."""
+    """The tree with each node changed, outside first; the results of a change are not entered again."""
     made = change(node)
     if made is not node:
         return made

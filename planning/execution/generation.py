@@ -1,4 +1,4 @@
-"""The monitors of a plan (thesis 7.6, 7.7): what domain and plan say must hold while it is executed, as formulas.
+"""The monitors of a plan (thesis 7.6, 7.7): the conditions of domain and plan during execution, as formulas.
 
 EXEC is the flag of the action, phi the condition; only conditions that are flagged `monitored` give one:
 
@@ -42,7 +42,7 @@ class PlanMonitor:
 
     Attributes:
         step: number of the action, from 1 on; 0 is the whole plan.
-        about: what it is generated from, for messages.
+        about: its origin, for messages.
         recovery: the recovery operator for a violation, if the domain names one.
         bound: objects and numbers by the names that the recovery may use.
     """
@@ -86,7 +86,8 @@ def plan_monitors(declared: Declarations, plan: MissionPlan) -> tuple[PlanMonito
 
 
 class UnmonitoredCondition(NamedTuple):
-    """A condition that is flagged `monitored`, and gives no monitor: all that it speaks of is given, and nothing changes it.
+    """A condition that is flagged `monitored`, and gives no monitor: all its features are given, and nothing changes
+    them.
 
     Attributes:
         about: the operator; of a global monitor its name.

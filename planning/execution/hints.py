@@ -1,4 +1,4 @@
-"""Hints on what is monitored: conditions that a noisy sensor violates although all is well (thesis 7.9)."""
+"""Hints on monitors: conditions that a noisy sensor violates although all is well (thesis 7.9)."""
 
 from collections.abc import Iterator, Mapping
 from dataclasses import dataclass
@@ -12,7 +12,7 @@ from reasoning.formulas import tree
 
 @dataclass(frozen=True, slots=True)
 class MonitorHint:
-    """What may raise false alarms, where it stands in the text of the domain, or of the problem if it is a goal, and what to write."""
+    """A possible cause of false alarms, its place in the domain's text, or the problem's for a goal, and a repair."""
 
     place: tree.Place
     message: str

@@ -1,4 +1,5 @@
-"""What a plan is expected to do: the state at each start, what actions read and write, what each depends on.
+"""The expected course of a plan: the state at each start, the labels that actions read and write, the dependencies of
+each.
 
 An action depends on those that make what it reads, on those that read or write what it writes, and on the one before of
 its unit. It waits for their ends, or for their starts if they overlap in the plan.
@@ -68,7 +69,7 @@ class Schemas:
 
 
 def changes_of(instance: OperatorInstance, state: State, start_ms: int, end_ms: int) -> tuple[ExpectedChange, ...]:
-    """What an action changes that starts in this state."""
+    """The changes of an action that starts in this state."""
     return tuple(
         ExpectedChange(_time(one, start_ms, end_ms), one.label, one.value(0, state, _NONE, (), _NONE), one.from_end)
         for one in instance.effects

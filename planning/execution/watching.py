@@ -34,7 +34,7 @@ class MonitorSet:
     """Monitors that are active.
 
     Attributes:
-        violated: what the newest state violated.
+        violated: the monitors that the newest state violated.
     """
 
     flags: ExecutionFlags
@@ -55,7 +55,7 @@ class MonitorSet:
 
     @property
     def labels(self) -> frozenset[str]:
-        """What states are to have, flags left out."""
+        """The labels that states have to show, without flags."""
         found = {label for one in self._active for label in one.labels}
         return frozenset(label for label in found if not is_flag(label))
 
@@ -64,7 +64,7 @@ class MonitorSet:
         return tuple(one.monitor for one in self._active)
 
     def on_state(self, valid_us: int) -> None:
-        """Progress all through the state of this time; what is decided is taken away."""
+        """Progress all monitors through the state of this time; decided ones are removed."""
         self.violated = []
         kept = []
         known: dict[str, Value] = {}

@@ -18,7 +18,7 @@ class MissionGoals:
 
     Attributes:
         dropped: given up for good, in order.
-        unreached: those that the plan leaves aside.
+        unreached: the goals that the plan leaves aside.
     """
 
     statements: tuple[GoalStatement, ...]
@@ -36,12 +36,12 @@ class MissionGoals:
         return tuple(name_of(one) for one in sorted(weighed, key=lambda one: one.weight or 0.0))
 
     def missed(self, declared: Declarations, beliefs: Beliefs) -> tuple[str, ...]:
-        """Those that the plan was for and that do not hold."""
+        """The goals of the plan that do not hold."""
         left = {*self.dropped, *self.unreached}
         return tuple(one for one in self._not_holding(declared, beliefs) if one not in left)
 
     def open(self, declared: Declarations, beliefs: Beliefs) -> tuple[str, ...]:
-        """Those that are dropped or do not hold, each once."""
+        """The goals that are dropped or do not hold, each once."""
         return tuple(dict.fromkeys((*self.dropped, *self._not_holding(declared, beliefs))))
 
     def _not_holding(self, declared: Declarations, beliefs: Beliefs) -> tuple[str, ...]:

@@ -1,7 +1,7 @@
-"""A mission: goals, the plan that is executed for them, and what is done when it fails (thesis 7.5.3).
+"""A mission: goals, the plan that is executed for them, and the recovery when it fails (thesis 7.5.3).
 
-A value stepped by events and time; what is to be done is returned. Whatever ends a plan, a fault, a pilot, a pause, a lost
-unit, the way on is the same: units hold, the state is rebuilt from what states show, and a new plan is searched for.
+A value stepped by events and time; it returns effects. After any end of a plan, by a fault, a pilot, a pause or a lost
+unit, the same follows: units hold, the state is rebuilt from the sensed states, and a new plan is searched for.
 """
 
 from collections import Counter
@@ -100,7 +100,7 @@ class Mission:
 
     @property
     def monitors(self) -> tuple[PlanMonitor, ...]:
-        """What is monitored now."""
+        """The active monitors."""
         executor = self._executor
         return () if executor is None or self._phase is not MissionPhase.EXECUTING else executor.monitors
 
@@ -179,13 +179,13 @@ class Mission:
         return []
 
     def _let_happen(self, now_us: int) -> None:
-        """What comes about by itself in the problem."""
+        """Take in the problem's events up to now."""
         elapsed_ms = (now_us - self._begun_us) // 1000
         self._beliefs.change(now_us, past_events(self._task, self._told_ms, elapsed_ms))
         self._told_ms = elapsed_ms
 
     def _after(self, found: list[MissionEffect], now_us: int) -> list[MissionEffect]:
-        """What follows from where the plan is: recovery from a fault, or its end."""
+        """The effects of the executor's progress: recovery from a fault, or the end of the plan."""
         executor = self._executor
         assert executor is not None  # noqa: S101 - a plan is executed
         if executor.fault is not None:
@@ -301,7 +301,7 @@ class Mission:
         return [*self._assume_anew(now_us), *self._search_plan(why, now_us)]
 
     def _assume_anew(self, now_us: int) -> list[MissionEffect]:
-        """What is assumed of any plan that was left."""
+        """Make the assumptions of the recovery `replan`, which precede every new plan."""
         recovery = self._recoveries.get(model.REPLANNING)
         return [] if recovery is None else self._assume(recovery, {}, now_us)
 

@@ -1,4 +1,4 @@
-"""How a mission is executed and recovered from, and what it tells of itself."""
+"""The options of a mission's execution and recovery, and its status."""
 
 from dataclasses import dataclass
 from enum import StrEnum
@@ -20,7 +20,7 @@ class MissionOptions:
         period_us: of the states.
         search_us: how long a search may take.
         question_us: how long a question waits for an answer.
-        default_answer: what an unanswered question counts as.
+        default_answer: the answer assumed for an unanswered question.
         locate_us: how long objects are looked for.
         patience_us: how long an action waits for states that show its conditions, and values may be missing unnoticed.
         most_replans: how many new plans are made in all.
@@ -42,7 +42,7 @@ class MissionOptions:
 
 
 class MissionPhase(StrEnum):
-    """What a mission is doing."""
+    """The phase of a mission."""
 
     READY = "ready"
     SEARCHING = "searching for a plan"
@@ -56,14 +56,14 @@ class MissionPhase(StrEnum):
 
 @dataclass(frozen=True, slots=True)
 class MissionStatus:
-    """What a mission tells of itself.
+    """The status of a mission.
 
     Attributes:
         why: why it is in this phase.
         steps: (number, unit, action, phase, since when) of the plan that is executed.
         flags: labels of the execution flags that are set.
         faults: how often each fault was met.
-        assumed: what recovery operators have changed, newest last.
+        assumed: the changes by recovery operators, newest last.
     """
 
     name: str

@@ -94,7 +94,7 @@ def _meet(grounder: Grounder, ground: tree.Formula, values: dict[str, Value]) ->
 
 
 def state_of(task: PlanningTask, beliefs: Beliefs) -> dict[str, Value]:
-    """The state as it is held for true; what nothing is known of is as the problem says."""
+    """The believed state; values without a belief are those of the problem."""
     return task.values | beliefs.values()
 
 
@@ -113,7 +113,7 @@ def problem_now(
         task: of the domain with it.
         beliefs: the state.
         unknown: labels that have no value now.
-        goals: those that are pursued.
+        goals: the goals that are pursued.
         elapsed_ms: since the problem's times began.
     """
     values = {label: value for label, value in task.values.items() if label not in set(unknown)} | beliefs.values()
@@ -129,7 +129,7 @@ def problem_now(
 
 
 def past_events(task: PlanningTask, since_ms: int, elapsed_ms: int) -> Iterable[tuple[str, Value]]:
-    """What has come about by itself between two times, as an area that has opened."""
+    """The problem's events between two times, such as an area that has opened."""
     return ((label, value) for at_ms, label, value in task.events if since_ms < at_ms <= elapsed_ms)
 
 

@@ -24,12 +24,12 @@ class MissionUnits:
 
     @property
     def missing(self) -> tuple[str, ...]:
-        """Those that take no part in new plans."""
+        """The units that take no part in new plans."""
         return tuple(sorted(self.lost | self.left_out))
 
     @property
     def acting(self) -> tuple[str, ...] | None:
-        """Those that do; None if all of them do."""
+        """The units that take part in new plans; None if all of them do."""
         missing = self.missing
         return tuple(one for one in self.everyone if one not in missing) if missing else None
 

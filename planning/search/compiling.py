@@ -1,6 +1,6 @@
 """Ground formulas that share parts: compiled once, walked once, and bounded as if they shared nothing.
 
-What a part came to is remembered until a fluent in it changes: most of a state is as it was before.
+The value of a part is remembered until a fluent in it changes: most of a state is unchanged.
 """
 
 from collections.abc import Callable, Iterator
@@ -48,8 +48,8 @@ class SharingCompiler(EvaluationCompiler):
         remembers: whether truths are kept until a label changes; tests that are given one state after another must not.
 
     Attributes:
-        remembered: truths by the labels they depend on; a change of a label's value empties them. They are of
-            one state: that which all tests are given.
+        remembered: truths by the labels they depend on; a change of a label's value empties them. They are of one
+            state, the one given to all tests.
     """
 
     def __init__(self, poll: Callable[[], None] = lambda: None, *, remembers: bool = True) -> None:

@@ -162,8 +162,8 @@ class ControlFormulas:
 
         Args:
             state: the new values.
-            before: what changed, with the values before.
-            touched: what had changed in the state before, which pairs are about as well.
+            before: the changed labels, with the values before.
+            touched: the labels that had changed in the state before; conditions over pairs of states read them, too.
             residuals: those until then.
             gap_ms: the time between the two states.
         """

@@ -1,8 +1,9 @@
 """How far a state is from the goal: the cost of a relaxed plan, in which all that was ever so stays so.
 
-Conditions are taken apart into a graph of conjunctions and disjunctions over atoms. From a state costs spread through it:
-what holds costs nothing, an action one more than the sum of its conditions, its effects as much as it (the additive
-heuristic of Bonet and Geffner). An atom that compares what is calculated counts as brought about by whatever changes it.
+Conditions are taken apart into a graph of conjunctions and disjunctions over atoms. From a state costs spread through
+it: a fact in the state costs nothing, an action one more than the sum of its conditions, its effects as much as it (the
+additive heuristic of Bonet and Geffner). An atom that compares what is calculated counts as brought about by whatever
+changes it.
 """
 
 from collections.abc import Callable, Iterable, Iterator
@@ -119,7 +120,7 @@ class Estimator:
         return self._leaf(formula, truth)
 
     def _either(self, parts: list[int]) -> int:
-        """A node that costs what the cheapest of these does: what comes first settles it."""
+        """A node with the cost of the cheapest of these; the first one to come settles it."""
         number = self._made(1)
         for one in dict.fromkeys(parts):
             self._parents[one].append(number)
@@ -181,7 +182,7 @@ class Estimator:
 
 
 def _value(one: Write) -> Any:
-    """What is written, if that is known beforehand."""
+    """The written value, if it is known beforehand."""
     return one.written.value if isinstance(one.written, tree.Const) else _UNKNOWN
 
 

@@ -88,7 +88,7 @@ class Grounder:
     def numbers(
         self, names: list[str], env: dict[str, tree.Formula], body: Expression, tag: str = ""
     ) -> dict[str, tree.Formula] | None:
-        """The environment with what these variables are equated with; None if the goal does not say it."""
+        """The environment with these variables' values by their equations; None if the goal does not define one."""
         for name in names:
             term = model.definition(body, name, self.task.derived)
             if isinstance(term, InGoal):

@@ -64,7 +64,7 @@ class SearchNode:
     steps: int = 0
 
     def key(self) -> tuple[object, ...]:
-        """What tells it from other nodes, its time and its cost left out."""
+        """The key that tells it from other nodes, without its time and cost."""
         at_ms = self.at_ms
         return (
             self.digest,

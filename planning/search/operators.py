@@ -130,7 +130,7 @@ class Schema:
         self._terms_known: dict[tuple[int, tuple[str, ...]], Any] = {}
 
     def _terms(self, numbers: list[str]) -> dict[str, Expression]:
-        """What parameters over numbers stand for."""
+        """The terms that parameters over numbers stand for."""
         whole = tree.And(tuple(one.formula for one in self.operator.preconditions))
         found: dict[str, Expression] = {}
         for name in numbers:

@@ -1,7 +1,7 @@
 """The search for a plan: forward chaining with control formulas (thesis 7.4.2).
 
-A node is settled by the state it leads to, what is under way, and the remainders of the control formulas: one that was
-met before, no later and no dearer, is not looked at again. A plan has ended well when nothing is under way, all goals
+A node is determined by its state, the actions under way, and the remainders of the control formulas: a node that was
+met before, no later and no dearer, is not expanded again. A plan has ended well when nothing is under way, all goals
 hold, and every control formula holds if the last state persists for ever.
 """
 
@@ -117,7 +117,7 @@ def find_plan(
         strategy: branch-and-bound and best-first give the cheapest plan, if they are given the time.
         stop: called every now and then; a reason that is not empty ends the search.
         progress: called every now and then with the number of nodes.
-        units: those that act; None for all of them.
+        units: the units that act; None for all of them.
 
     Raises:
         TextError: a formula grows beyond all limits over the objects of the problem.
@@ -138,7 +138,7 @@ def find_plan(
 
 
 def _result(steps: Steps, nodes: int) -> PlanFound | NoPlan | None:
-    """What a search comes to within a number of nodes; None if it has not ended."""
+    """The result of a search within a number of nodes; None if it has not ended."""
     for _ in range(nodes):
         try:
             next(steps)
@@ -150,7 +150,7 @@ def _result(steps: Steps, nodes: int) -> PlanFound | NoPlan | None:
 
 @contextmanager
 def _without_collector() -> Iterator[None]:
-    """Nothing that a search makes is in a circle: looking for circles takes half of its time, and finds none."""
+    """Without the garbage collector: a search makes no circles, and looking for them takes half of its time."""
     was_on = gc.isenabled()
     gc.disable()
     try:
@@ -341,7 +341,7 @@ class _Search:
         return self._ordered(root, lambda node: ((node.cost, -node.depth),), is_cheapest=not self._dropped)
 
     def _heuristic(self, root: SearchNode) -> Steps:
-        """Those that seem nearest to the goal first; waits for ever if there are too many instances for an estimate."""
+        """Expand the nodes that seem nearest to the goal first; yields for ever if there are too many instances."""
         try:
             estimator = Estimator(self._grounder, self._schemas, self._acting, self._grounds, self._events)
         except TooManyInstances:
@@ -352,7 +352,7 @@ class _Search:
             return self._none("the goal cannot be reached, even if all that was ever so stayed so", is_certain=True)
 
         def order(node: SearchNode) -> tuple[tuple[float, ...], ...]:
-            """Of those that seem as near, by turns the one with the fewest actions, and the last one."""
+            """Keys of two queues: of equally near nodes, in turns the one with the fewest actions, and the newest."""
             far = estimator.estimate(node, self._state.values)
             return (far, node.steps, -node.depth), (far, -node.depth)
 

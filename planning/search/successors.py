@@ -1,4 +1,4 @@
-"""What can follow a node: an action of the first idle unit, that unit waiting, or the next change.
+"""The successors of a node: an action of the first idle unit, that unit waiting, or the next change.
 
 Time goes forward with the actions: a unit that is idle starts an action now or waits; when no unit is idle, the next
 effect comes about. An action does not start while another one is about to change what its preconditions read, or to write

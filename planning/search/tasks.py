@@ -1,4 +1,4 @@
-"""What a domain and a problem describe together: objects by type, features, and the initial state."""
+"""A domain and a problem together: objects by type, features, and the initial state."""
 
 from typing import Any
 

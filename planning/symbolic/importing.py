@@ -43,7 +43,7 @@ def read_pddl(domain: str, problem: str) -> tuple[Declarations, Declarations]:
 
 
 def from_unified(problem: Any) -> tuple[Declarations, Declarations]:
-    """Our domain and problem from a `unified_planning.model.Problem`; raises TextError for what has no form here."""
+    """Our domain and problem from a `unified_planning.model.Problem`; raises TextError for parts without a form."""
     unified()
     reader = _Importer(problem)
     domain = parse_domain(print_declarations(reader.domain()))
@@ -79,7 +79,7 @@ class _Importer:
         return kind in {"feature", "object"} and self._taken.get(f"kind {name}", kind) not in {kind, "type", "operator"}
 
     def domain(self) -> Declarations:
-        """The operators, and what they speak of; objects that they name are of the domain."""
+        """The operators, with their types, features and objects; objects that they name are of the domain."""
         problem = self._problem
         operators = tuple(self._operator(one) for one in problem.actions)
         self._of_domain = set(self._met)

@@ -19,7 +19,7 @@ from planning.search.tasks import PlanningTask
 from reasoning.formulas import tree
 
 LIMIT_VALUES: Final = 200_000
-"""Most values of a feature that stands for what is calculated."""
+"""Most values of a feature in place of a calculation."""
 
 
 class Simplifier:
@@ -37,7 +37,8 @@ class Simplifier:
         self._known: dict[tuple[Expression, tuple[str, ...]], str] = {}
 
     def simplified(self, expression: Expression, bound: dict[str, str]) -> Expression:
-        """The expression with definitions written out, over variables with these types; what is calculated is a feature.
+        """The expression with definitions written out, over variables with these types, and features in place of
+        calculations.
 
         Raises:
             TextError: `next` or `goal` stands in it, or a number that nothing binds.
@@ -75,7 +76,7 @@ class Simplifier:
         return replace(expression, **changed) if changed else expression
 
     def terms(self, numbers: list[str], condition: Expression) -> dict[str, Expression]:
-        """What variables over numbers stand for."""
+        """The terms that variables over numbers stand for."""
         found: dict[str, Expression] = {}
         for name in numbers:
             term = model.definition(condition, name, self.task.derived)
@@ -87,7 +88,7 @@ class Simplifier:
         return found
 
     def _named(self, expression: Expression, bound: dict[str, str]) -> Expression:
-        """With features for what is calculated from what never changes."""
+        """The expression with features in place of calculations over constants."""
         is_calculation = isinstance(expression, tree.Arithmetic | tree.Compare | tree.Negate) or (
             isinstance(expression, Application) and expression.name in model.FUNCTIONS
         )

@@ -14,7 +14,7 @@ _NO_FILE, _TOO_LARGE, _NO_TEXT = 22, 27, 84
 
 
 def opened_file(path: Path) -> BinaryIO:
-    """A file, to be read; raises OSError, also for what is none: a pipe would block, a device would never end."""
+    """A file, to be read; raises OSError for anything else: a pipe would block, a device would never end."""
     if "\0" in str(path):
         raise OSError(_NO_FILE, "its name is none of a file")
     descriptor = os.open(path, os.O_RDONLY | os.O_NONBLOCK | os.O_NOCTTY | os.O_CLOEXEC)
@@ -25,7 +25,7 @@ def opened_file(path: Path) -> BinaryIO:
 
 
 def bounded_bytes(path: Path, most: int = LONGEST_TEXT) -> bytes:
-    """What a file holds; raises OSError, also where it is longer than `most` bytes."""
+    """The contents of a file; raises OSError, also where it is longer than `most` bytes."""
     with opened_file(path) as file:
         data = file.read(most + 1)
     if len(data) > most:
@@ -42,7 +42,7 @@ def bounded_text(path: Path, most: int = LONGEST_TEXT) -> str:
 
 
 def text_lines(file: BinaryIO, most: int) -> Iterator[str]:
-    """The lines of a text; of one that has more than `most` bytes only enough for that to be seen. Raises OSError for no UTF-8."""
+    """The lines of a text; a line of more than `most` bytes is cut just behind them. Raises OSError for no UTF-8."""
     for number, line in enumerate(limited_lines(file, most), 1):
         try:
             yield line.decode("utf-8", "strict" if len(line) <= most else "replace")
@@ -56,5 +56,5 @@ def beside(path: Path) -> Callable[[str], str]:
 
 
 def named_text(path: Path, name: str) -> str:
-    """The text of the file that `path` names so; raises OSError, also for what is no file of text."""
+    """The text of the file with that name next to `path`; raises OSError, also where it is no file of text."""
     return bounded_text(path.parent / name)

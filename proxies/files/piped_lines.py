@@ -5,7 +5,7 @@ from typing import BinaryIO
 
 
 def limited_lines(file: BinaryIO, most: int) -> Iterator[bytes]:
-    """The lines; of one that has more than `most` bytes only enough for that to be seen."""
+    """The lines; a line of more than `most` bytes is cut just behind them."""
     while line := file.readline(most + 2):
         yield line
         while line and not line.endswith(b"\n"):

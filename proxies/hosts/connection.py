@@ -129,7 +129,7 @@ def listen(path: Path) -> socket.socket:
     try:
         _make_private(path.parent)
         _insist_on_free(path)
-        path.unlink(missing_ok=True)  # of one that was killed
+        path.unlink(missing_ok=True)  # of a process that was killed
         with _address(path) as address:
             opened.bind(address)
         path.chmod(0o600)
@@ -159,7 +159,7 @@ def _insist_on_free(path: Path) -> None:
 
 @contextlib.contextmanager
 def _address(path: Path) -> Iterator[str]:
-    """What the system takes for `path`: a long one by way of its directory."""
+    """The form of `path` for the system: a long one by way of its directory."""
     if len(os.fsencode(path)) <= _LONGEST:
         yield str(path)
         return

@@ -19,7 +19,7 @@ MAX_UNSENT = 16_777_216
 
 
 class _Guest:
-    """One connection: its line, and what is to be sent."""
+    """One connection: its line, and the messages to send."""
 
     def __init__(self, line: Callable[["_Guest"], Line]) -> None:
         self.untaken = threading.Semaphore(UNTAKEN)
@@ -79,7 +79,7 @@ class HostDoor:
             guest.line.close()
 
     def perform(self, effect: HostEffect) -> None:
-        """What the platform wants of a host; one that has left is beyond that."""
+        """Perform an effect on a host; for a host that has left there is none."""
         guest = self._guests.get(effect.host)
         if guest is None:
             return

@@ -17,7 +17,7 @@ _BURST, _REFILL_US = 4, 10_000_000
 
 
 class LinkCondition(NamedTuple):
-    """Whether all is well, and what is heard, or what is wrong."""
+    """Whether all is well, and the vehicle that is heard, or the trouble."""
 
     ok: bool
     text: str
@@ -66,7 +66,7 @@ class VehicleCondition:
     def on_time(
         self, system: int | None, port: Any, known: VehicleReports, requests: Requests, now_us: int
     ) -> LinkCondition | None:
-        """What is to be reported now, or None."""
+        """The condition to report now, or None."""
         found = self._now(system, port, known, requests, now_us)
         if found.ok:
             self._wrong_us = None

@@ -52,7 +52,7 @@ class DeviceClock:
     def valid_us(self, device_us: int | None, arrival_us: int, *, witness: bool = True) -> int | None:
         """Our time of a device stamp that arrived at `arrival_us`; the arrival where there is none; None: disbelieved.
 
-        `witness`: the stamp is the moment of sending, so the clock can be learned from it; one that is not is only
+        `witness`: the stamp is the moment of sending, so the clock can be learned from it; another stamp is only
         translated.
         """
         if device_us is None:
@@ -82,7 +82,7 @@ class DeviceClock:
 
     @property
     def words(self) -> str:
-        """What is to be known of its rate; empty where that is ours."""
+        """A note on its rate; empty where it runs as ours."""
         return f"its clock runs at {self._told:.3f}" if abs(self._told - 1.0) > _NOTED else ""
 
     def _witness(self, device_us: int, found_us: int) -> None:

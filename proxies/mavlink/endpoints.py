@@ -13,7 +13,7 @@ FORMS = (
 _EXAMPLES = "udpin:127.0.0.1:14550, udpout:127.0.0.1:14550, tcp:127.0.0.1:5762 or serial:/dev/ttyACM0:57600"
 _NETWORK = frozenset({"udpin", "udpout", "tcp"})
 _RADIO_BAUD = 57_600
-"""What telemetry radios and the TELEM ports of autopilots have from the factory."""
+"""The factory setting of telemetry radios and of the TELEM ports of autopilots."""
 
 
 class Endpoint(NamedTuple):

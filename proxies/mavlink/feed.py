@@ -187,7 +187,7 @@ class MavlinkFeed:
         self._ask_us = _wall_us()
 
     def _ask(self, monotonic_us: int) -> None:
-        """Ask for messages when the vehicle is met or met again, and every two seconds for what does not come."""
+        """Ask for messages when the vehicle is met or met again, and every two seconds for missing ones."""
         self._ask_us = monotonic_us + _ASK_AGAIN_US
         if self.system is None:
             return

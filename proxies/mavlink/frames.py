@@ -1,4 +1,4 @@
-"""MAVLink frames in bytes: where one begins and ends, whose it is, and what it says if we want to know.
+"""MAVLink frames in bytes: begin and end, sender, and the message if it is wanted.
 
 pymavlink hands out messages of unknown types with neither checksum nor signature checked, so a frame is decoded only if
 its type is on the allow-list, and only after its ids were looked at.

@@ -1,4 +1,4 @@
-"""What is heard at an endpoint, and in words why it is not the vehicle that is waited for.
+"""The traffic heard at an endpoint, and in words why it is not the expected vehicle.
 
 No socket and no clock: times are arguments, in seconds.
 """

@@ -1,7 +1,7 @@
 """Ways that bytes come in and go out: UDP sockets, TCP connections, serial lines.
 
-One thread receives, any may send. What breaks (a server that ends, a cable that is pulled) is opened again every second,
-and says why it is not open.
+One thread receives, any may send. A broken link (a server that ends, a cable that is pulled) is opened again every
+second, and says why it is not open.
 """
 
 import contextlib

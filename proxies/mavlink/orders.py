@@ -1,9 +1,10 @@
 """Orders become MAVLink commands, and their acknowledgements become results. No socket and no clock.
 
-An order can be expressed in several ways; an autopilot that does not understand one (UNSUPPORTED) gets the next, and from
-then on that one only. A way is sent until it is acknowledged, at most `ATTEMPTS` times; DENIED and FAILED are final. Each
-repetition looks at the vehicle's mode first: a vehicle that is no longer guided was taken over, and is left alone. What
-changes the mode is repeated only after a heartbeat has shown that nothing has changed it meanwhile.
+An order can be expressed in several ways; an autopilot that does not understand one (UNSUPPORTED) gets the next, and
+from then on that one only. A way is sent until it is acknowledged, at most `ATTEMPTS` times; DENIED and FAILED are
+final. Each repetition looks at the vehicle's mode first: a vehicle that is no longer guided was taken over, and is left
+alone. An order that changes the mode is repeated only after a heartbeat has shown that nothing has changed it
+meanwhile.
 
 COMMAND_ACK names a command and not an order, so each sending is remembered, and an acknowledgement answers the oldest
 that is not answered: one of an order that a newer one replaced does not end the newer one.
@@ -35,7 +36,7 @@ _PURPOSES = {
     vehicle.GripOrder: "gripper",
     vehicle.LineOrder: "winch",
 }
-"""What an order moves: a newer one for the same takes the place of an older one."""
+"""The purpose of an order: a newer one for the same purpose takes the place of an older one."""
 _REFUSALS = {
     mavlink.MAV_RESULT_TEMPORARILY_REJECTED: "temporarily rejected",
     mavlink.MAV_RESULT_DENIED: "denied",
@@ -76,7 +77,7 @@ class _Sending:
 
 
 class OrderOutcome(NamedTuple):
-    """What a step asks for: messages to send, results to tell."""
+    """The outcome of a step: messages to send, results to report."""
 
     send: list[Any]
     results: list[vehicle.CommandResult]

@@ -58,7 +58,7 @@ _PX4_OFFBOARD = {3: _A.RETURN, 4: _A.LAND, 5: _A.HOLD, 6: _A.TERMINATE, 7: _A.TE
 
 
 class VehicleParameters:
-    """What a vehicle has reported of its parameters."""
+    """The parameters that a vehicle has reported."""
 
     def __init__(self) -> None:
         self._told: dict[str, float] = {}
@@ -79,7 +79,7 @@ class VehicleParameters:
         return name
 
     def untold(self, autopilot: int | None) -> tuple[str, ...]:
-        """Those that the vehicle has not reported."""
+        """The parameters that the vehicle has not reported."""
         return tuple(name for name in _wanted(autopilot) if name not in self._told)
 
     def fence(self, autopilot: int | None, valid_us: int, areas: tuple[FenceArea, ...] = ()) -> FenceReport:
@@ -105,7 +105,7 @@ class VehicleParameters:
         )
 
     def failsafe(self, autopilot: int | None, valid_us: int) -> FailsafeReport:
-        """What it does without its link, as far as it has reported that."""
+        """Its reactions to a lost link, as far as it has reported them."""
         return self._failsafe_px4(valid_us) if autopilot == _PX4 else self._failsafe_ardupilot(valid_us)
 
     def cruise(self, autopilot: int | None, valid_us: int) -> CruiseReport:

@@ -29,7 +29,7 @@ _SIGNATURE_EPOCH_S = 1_420_070_400  # 2015-01-01, where signature timestamps beg
 
 
 class Listener(Protocol):
-    """What a port tells a feed; all from the port's own thread.
+    """A port's interface to a feed; all calls come from the port's own thread.
 
     Attributes:
         system: its vehicle's system id; None: the first autopilot that no other listener has.

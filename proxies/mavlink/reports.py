@@ -108,7 +108,7 @@ class VehicleReports:
         self._parameters.forget()
 
     def reports(self, message: Any, valid_us: int) -> tuple[vehicle.Report, ...]:
-        """What `message` reports; empty for types that do not describe the vehicle and for fields that say unknown."""
+        """The reports in `message`; empty for types that do not describe the vehicle and for unknown fields."""
         handler = DESCRIBING.get(message.get_type())
         return handler(self, message, valid_us) if handler is not None else ()
 
@@ -230,7 +230,7 @@ class VehicleReports:
         return (vehicle.TargetReport(valid_us, message.lat_int / 1e7, message.lon_int / 1e7, altitude_m),)
 
     def on_text(self, message: Any, valid_us: int) -> tuple[vehicle.Report, ...]:
-        """STATUSTEXT: what is no mere information."""
+        """STATUSTEXT: warnings and errors."""
         text = message.text if isinstance(message.text, str) else bytes(message.text).decode("utf-8", "replace")
         text = "".join(each for each in text.partition("\0")[0] if each.isprintable()).strip()
         if message.severity > LEAST_SEVERITY or not text:
@@ -265,7 +265,7 @@ class VehicleReports:
         return (vehicle.MountReport(valid_us, "MOUNT_ORIENTATION", _half_turn(pan_rad), tilt_rad),)
 
     def on_winch(self, message: Any, valid_us: int) -> tuple[vehicle.Report, ...]:
-        """WINCH_STATUS: what is no number is not known; winches without a scale send no tension."""
+        """WINCH_STATUS: a value that is no number is unknown; winches without a scale send no tension."""
         status = message.status
         self.winch = vehicle.WinchReport(
             valid_us,
@@ -278,7 +278,7 @@ class VehicleReports:
         return (self.winch,)
 
     def on_parameter(self, message: Any, valid_us: int) -> tuple[vehicle.Report, ...]:
-        """PARAM_VALUE: of the fence, of what the vehicle does without its link, and of how fast it flies."""
+        """PARAM_VALUE: parameters of the fence, of the reactions to a lost link, and of the cruise speed."""
         name = self._parameters.on_value(self.autopilot, message)
         if name is None:
             return ()
@@ -328,7 +328,7 @@ DESCRIBING: dict[str, Callable[[VehicleReports, Any, int], tuple[vehicle.Report,
     "WINCH_STATUS": VehicleReports.on_winch,
     "PARAM_VALUE": VehicleReports.on_parameter,
 }
-"""What each message that describes a vehicle reports."""
+"""The reports in each message that describes a vehicle."""
 
 
 def _turned_from_north(flags: int) -> bool:
@@ -348,7 +348,7 @@ def _half_turn(angle_rad: float) -> float:
 
 
 def _accuracy_m(stated_mm: int, dilution_100: int) -> float:
-    """Standard deviation of a fix: what the receiver states, else its dilution of precision, else a cautious default."""
+    """Standard deviation of a fix: the receiver's, else from its dilution of precision, else a cautious default."""
     if stated_mm > 0:
         return stated_mm / 1000
     return 5.0 if dilution_100 in (0, _UNKNOWN_16) else max(1.0, dilution_100 / 100 * _ASSUMED_ERROR_M)

@@ -1,4 +1,4 @@
-"""What a vehicle is requested to send: messages at a rate, its home and the parameters of its fence once. No socket and no clock.
+"""Requests to a vehicle: messages at a rate, its home and the parameters of its fence once. No socket and no clock.
 
 SET_MESSAGE_INTERVAL names each message. REQUEST_DATA_STREAM, which brings whole groups of them, is for autopilots that
 do not understand the former, or do not answer.
@@ -37,7 +37,7 @@ _HOME_COMMANDS: tuple[tuple[int, tuple[float, ...]], ...] = (
     (mavlink.MAV_CMD_GET_HOME_POSITION, ()),
 )
 _PARAMETER_ROUNDS = 10
-"""A parameter that an autopilot does not have is not answered; one that changes is reported unasked."""
+"""Rounds of requests: an autopilot does not answer for a parameter that it lacks, and reports changes unasked."""
 _COMMANDS = {mavlink.MAV_CMD_SET_MESSAGE_INTERVAL, *(command for command, _ in _HOME_COMMANDS)}
 
 
@@ -72,7 +72,7 @@ class Requests:
         return (self._by_streams, self._home_way) != before and is_unknown
 
     def messages(self, target: Target, *, is_positioned: bool, is_homed: bool, untold: Sequence[str] = ()) -> list[Any]:
-        """What to send now: all at first, later only for what does not come; `untold` are names of parameters."""
+        """The requests to send now: all at first, later only for missing messages; `untold` are names of parameters."""
         asked: list[Any] = []
         if not self._by_streams and (self.rounds == 0 or not is_positioned):
             asked += _intervals(target)

@@ -1,7 +1,7 @@
 """Aircraft that the receivers of a vehicle hear: ADSB_VEHICLE and the messages of Open Drone ID become `HeardAircraft`.
 
-Only fields that are valid count. What comes between two reports is one report, of each aircraft the newest and the nearest first: a
-flood ends here. What the autopilot sends of itself, to its own transmitter, is no other aircraft.
+Only fields that are valid count. All messages between two reports become one report, of each aircraft the newest and
+the nearest first: a flood ends here. The autopilot's messages to its own transmitter are no other aircraft.
 """
 
 import math
@@ -34,14 +34,14 @@ _OWN: Final = bytes(20)
 
 
 class _Named(NamedTuple):
-    """What a BASIC_ID says."""
+    """The content of a BASIC_ID."""
 
     identity: str
     kind: str
 
 
 class TrafficHearing:
-    """What the receivers of one vehicle hear, until it is reported.
+    """The aircraft that the receivers of one vehicle hear, until they are reported.
 
     Attributes:
         left_out: messages that made no aircraft, by reason.
@@ -82,7 +82,7 @@ class TrafficHearing:
             self._on_pack(key, message, valid_us)
 
     def report(self, now_us: int, due_us: int, own: PositionReport | None) -> TrafficReport | None:
-        """What was heard since the last report; `due_us` is a clock that always runs, `own` where we are."""
+        """The aircraft heard since the last report; `due_us` is a clock that always runs, `own` our position."""
         if due_us < self._due_us or not (self._waiting or self.left_out):
             return None
         self._due_us = due_us + REPORT_US

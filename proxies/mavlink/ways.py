@@ -47,7 +47,7 @@ class Way(NamedTuple):
 
     @property
     def name(self) -> tuple[str, int | None]:
-        """What an autopilot does or does not understand."""
+        """The key of the form that an autopilot does or does not understand."""
         return self.messages[0].get_type(), self.acknowledged
 
 

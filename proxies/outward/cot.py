@@ -55,7 +55,7 @@ def cot_event(
     Args:
         uid: the same for all events about one thing.
         kind: the type, such as `UAV`.
-        callsign: what receivers show.
+        callsign: the name that receivers show.
         point: where it is.
         time_us: when it was there.
         now_us: when the event is made.

@@ -1,6 +1,6 @@
 """A joined vehicle's MAVLink for a ground station: its frames unchanged, and by option the station's commands back.
 
-What the station commands is never passed on unnoticed: the platform is notified first. A change to a mode that takes no
+A station's command is never passed on unnoticed: the platform is notified first. A change to a mode that takes no
 positions, and remote control, are the pilot's own hands; a place to fly to is a target, as from a station at a router.
 Only the station's address may answer, in frames that do not claim to be the vehicle's, a limited number a second.
 """
@@ -73,7 +73,7 @@ class Forwarder:
         takes_positions: whether the vehicle takes positions in a mode, by its number and the number of its kind.
 
     Attributes:
-        counts: `forwarded`, `passed back`, and what was not, by reason.
+        counts: `forwarded`, `passed back`, and frames that were dropped, by reason.
     """
 
     def __init__(
@@ -192,7 +192,7 @@ def _number(payload: bytes) -> int:
 
 
 def command_in(frame: Frame) -> str:
-    """The name of what the frame commands; empty if it only asks or tells."""
+    """The name of the frame's command; empty if it only asks or reports."""
     if frame.message_id in _HARMLESS:
         return ""
     if frame.message_id in _COMMANDS:

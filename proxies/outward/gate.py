@@ -145,7 +145,7 @@ class PageDoor:
 
 
 async def _copied(reader: asyncio.StreamReader, writer: asyncio.StreamWriter) -> None:
-    """All that comes, as fast as the other side takes it."""
+    """Copy all bytes, as fast as the other side takes them."""
     with contextlib.suppress(OSError):
         while piece := await reader.read(_PIECE):
             writer.write(piece)

@@ -37,7 +37,7 @@ def parse_destination(text: str, *, beyond: bool, kinds: tuple[str, ...] = ("udp
     Args:
         text: as users write it; names of machines are refused, since what they mean may change.
         beyond: whether it may be beyond this machine.
-        kinds: those that are possible.
+        kinds: the possible ones.
 
     Raises:
         TextError: it is of another form.
@@ -116,7 +116,7 @@ class Outlet:
             self._flush(now_us)
 
     def close(self) -> None:
-        """Close the socket; what waits is lost, and counted."""
+        """Close the socket; waiting messages are lost, and counted."""
         while self._waiting:
             self._drop_oldest()
         if self._socket is not None:

@@ -111,7 +111,7 @@ class RemoteIdMessages:
 
 
 def check_serial(text: str) -> str:
-    """A serial number by CTA-2063-A: four characters of the maker, the length of what follows, and that; no I, no O.
+    """A serial number by CTA-2063-A: four characters of the maker, the length of the rest, and the rest; no I, no O.
 
     Raises:
         WrongCall: it is none.
@@ -123,7 +123,7 @@ def check_serial(text: str) -> str:
 
 
 def id_of(name: str) -> list[int]:
-    """The id of a platform: its name in ASCII; of one that is longer, or of other characters, a digest."""
+    """The id of a platform: its name in ASCII; for a longer name, or other characters, a digest."""
     shown = plain(name, 4 * _ID_BYTES)
     data = shown.encode()
     if shown != name or not shown.isascii() or len(data) > _ID_BYTES:

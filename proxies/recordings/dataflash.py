@@ -39,7 +39,7 @@ _CODES: dict[str, tuple[str, float | None]] = {
     "f": ("f", 1), "d": ("d", 1), "n": ("4s", None), "N": ("16s", None), "Z": ("64s", None), "c": ("h", 0.01),
     "C": ("H", 0.01), "e": ("i", 0.01), "E": ("I", 0.01), "L": ("i", 1e-7), "M": ("B", 1), "q": ("q", 1), "Q": ("Q", 1),
 }  # fmt: skip
-"""Format character of a column: its struct, and what its number is multiplied with (None: text)."""
+"""Format character of a column: its struct, and the factor of its number (None: text)."""
 
 Row = dict[str, Any]
 _TEXTS = frozenset({"Name", "Format", "Columns"})
@@ -145,7 +145,7 @@ def utc_us(week: int, milliseconds: float) -> int:
 
 
 class _Rows:
-    """Rows to reports, with what must be remembered from row to row."""
+    """Rows to reports, with the state from row to row."""
 
     def __init__(self) -> None:
         self._offset_us: int | None = None
@@ -157,7 +157,7 @@ class _Rows:
         self._now_us = 0
 
     def on_row(self, name: str, row: Row) -> tuple[vehicle.Report, ...]:
-        """What a row reports; nothing for a version of it without the fields we read, or without numbers in them."""
+        """The reports of a row; none for a version of it without the fields we read, or without numbers in them."""
         try:
             if name == "GPS":
                 self._tie(row)

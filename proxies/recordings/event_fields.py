@@ -1,6 +1,6 @@
 """Fields of events in a file from anyone: each is of the type that its kind declares, or there is no event.
 
-Checks are made from the annotations of a kind, once; what holds inside a platform by its types holds of a file as well.
+Checks are made from the annotations of a kind, once; a file obeys the types that hold inside a platform.
 """
 
 from collections.abc import Callable, Mapping
@@ -14,7 +14,7 @@ from dyknow.model.errors import DecodeError
 from dyknow.model.instants import LATEST_US
 
 LARGEST: Final = 3.5e38
-"""Of a number, without regard to its sign: what a vehicle can report in 32 bits, as it can what is infinite or not a number."""
+"""Bound of a number, without its sign: a vehicle can report 32 bits; infinity and not-a-number pass as well."""
 LONGEST_SHOWN: Final = 40
 _Check: TypeAlias = Callable[[Any], bool]
 _NAMES: Final[Mapping[type, str]] = {
@@ -35,7 +35,7 @@ def made(kind: Any, values: list[Any]) -> Any:
 
 
 def shown(value: Any) -> str:
-    """A value for a message: what it is, and as much of it as fits in."""
+    """A value for a message: its kind, and as much of it as fits in."""
     if isinstance(value, list | tuple | dict):
         return f"a {type(value).__name__} of {len(value)}"
     if isinstance(value, bytes):
@@ -46,7 +46,7 @@ def shown(value: Any) -> str:
 
 @cache
 def _checks(kind: Any) -> dict[str, tuple[str, _Check]]:
-    """By field: what it is in words, and whether a value is."""
+    """By field: its type in words, and the check of a value."""
     return {name: _check(hint, name) for name, hint in get_type_hints(kind).items()}
 
 

@@ -50,7 +50,7 @@ from proxies.recordings.packed_lengths import check_lengths
 EVENT, TIME, SHOWN, LOST, SAMPLES = "event", "time", "shown", "lost", "x/"
 ABOUT = "node"
 CLOCK_EPOCH, CLOCK_SPEED, STOPWATCH = "clock_epoch_us", "clock_speed", "stopwatch"
-"""What a journal says of the federation's clock: by it reports and samples are valid, while entries have the node's."""
+"""A journal's entries about the federation's clock, of reports and samples; entries have the node's clock."""
 REMEDY: Final = "a platform whose settings name a `journal` writes one"
 MOST_DEPTH: Final = 24
 """Named tuples and tuples inside one another."""
@@ -100,7 +100,7 @@ class Stepped(NamedTuple):
 
 
 class Lost(NamedTuple):
-    """The journal could not keep `entries` here: what follows does not replay exactly."""
+    """The journal could not keep `entries` here: the rest does not replay exactly."""
 
     now_us: int
     entries: int
@@ -110,7 +110,7 @@ Entry: TypeAlias = Stepped | Lost | Unread
 
 
 def encode_event(event: Any) -> bytes:
-    """Named tuples by name, tuples as such; raises TypeError or ValueError for what an event never holds."""
+    """Named tuples by name, tuples as such; raises TypeError or ValueError for values that no event holds."""
     packed: bytes = msgpack.packb(event, strict_types=True, default=_extended)
     return packed
 
@@ -128,7 +128,7 @@ def _extended(value: Any) -> msgpack.ExtType:
 
 
 def decode_event(data: bytes) -> Event:
-    """Raises DecodeError for what is not one of our events, field by field."""
+    """The event; raises DecodeError for anything but one of our events, field by field."""
     event = _decoded(data, 0)
     if type(event) not in _EVENTS:
         raise DecodeError("journal", f"no event of a platform but {shown(event)}")
@@ -137,7 +137,7 @@ def decode_event(data: bytes) -> Event:
 
 
 def _decoded(data: bytes, depth: int) -> Any:
-    """What is packed inside something is unpacked by this again, `depth` times at most `MOST_DEPTH`."""
+    """Unpack a value, and packed values inside it by this again, at most `MOST_DEPTH` deep."""
     try:
         if len(data) > _SHORT:
             check_lengths(data)
@@ -166,7 +166,7 @@ def _restored(code: int, data: bytes, depth: int) -> Any:
 
 
 def read_about(path: Path) -> Mapping[str, str]:
-    """What the journal says of its node: the first thing in the file.
+    """The journal's metadata about its node: the first record in the file.
 
     Raises:
         DecodeError: it is not a journal.
@@ -201,7 +201,7 @@ def read_journal(path: Path) -> Iterator[Entry]:
 
 
 class _Shown(NamedTuple):
-    """What the stopwatch showed in the step before."""
+    """The readings of the stopwatch in the step before."""
 
     shown: tuple[int, ...]
 

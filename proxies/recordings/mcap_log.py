@@ -1,4 +1,4 @@
-"""Journals of our own nodes (.mcap) as recordings: what a vehicle reported to its platform, when it came there."""
+"""Journals of our own nodes (.mcap) as recordings: a vehicle's reports, at the time they reached its platform."""
 
 from collections.abc import Iterator, Mapping
 from pathlib import Path

@@ -1,7 +1,7 @@
-"""Records of an MCAP file from anyone, one by one, at a bounded cost: what a small file unpacks to stays small.
+"""Records of an MCAP file from anyone, one by one, at a bounded cost: a small file cannot unpack to a large one.
 
-Chunks are unpacked one at a time. A file of our own unpacks to a few times its size; one that unpacks to more than
-`UNPACKED_FREE` and `MOST_RATIO` times what was read of it is refused, with the place.
+Chunks are unpacked one at a time. A file of our own unpacks to a few times its size; a file that unpacks to more than
+`UNPACKED_FREE` and `MOST_RATIO` times the bytes read is refused, with the place.
 """
 
 import os
@@ -21,7 +21,7 @@ from proxies.files.named_files import opened_file
 
 MAGIC: Final = b"\x89MCAP0\r\n"
 LARGEST_CHUNK: Final = 4_000_000
-"""Bytes of a record, and of what a chunk unpacks to; ours have 262 144 and one message."""
+"""Most bytes of a record, and of an unpacked chunk; ours have 262 144 and one message."""
 LARGEST_TEXT: Final = 262_144
 """Bytes of a record that is no chunk and no message."""
 MOST_NAMES: Final = 8192
@@ -58,10 +58,10 @@ McapItem: TypeAlias = Header | Schema | Channel | Metadata | Message | DataEnd |
 class McapRecords:
     """The records of one file, up to the cut in one that was cut off, and no further than the index at its end.
 
-    What a cut or a damage leaves is the last item, `Unread`.
+    The last item, `Unread`, describes the rest after a cut or damage.
 
     Args:
-        what: what the file is to be, for messages: `journal`, `recording`.
+        what: the expected kind of file, for messages: `journal`, `recording`.
         remedy: given where it is none.
 
     Raises:

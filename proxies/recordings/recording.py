@@ -1,4 +1,4 @@
-"""Recorded flights as reports: what every format offers.
+"""Recorded flights as reports: the common interface of all formats.
 
 Reports are read as they are asked for. Bytes that cannot be read are passed over where the format lets us find the next
 record, and named in `problems`; where it does not, reading ends with a `DecodeError` after everything before the damage.

@@ -20,7 +20,7 @@ def schedule(
 ) -> Iterator[tuple[int, Report]]:
     """(federation time, report) in the order of the file, from `since_us` on, by default from the epoch.
 
-    What came before is left out, but for the last word on home, status and battery, which still hold: these come first.
+    Earlier reports are left out, except the last ones of home, status and battery, which still hold: these come first.
 
     Raises:
         DecodeError: where the recording is damaged, after everything before the damage.
@@ -51,7 +51,7 @@ class Replay:
         post: takes a report; must not block.
         now_us: federation time.
         speed: how much faster federation time runs than the waiting.
-        on_end: called once, from the thread, with what was wrong with the recording, or an empty text.
+        on_end: called once, from the thread, with the damage of the recording, or an empty text.
     """
 
     def __init__(

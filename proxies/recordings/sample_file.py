@@ -1,4 +1,4 @@
-"""Samples as JSON lines: what feeds a specification from outside, and the record of a run.
+"""Samples as JSON lines: the feed of a specification from outside, and the record of a run.
 
 A feed has one line per instant, values by the name of their source; `at_ms` says when they become available, at once if
 it is left out. A list is a record or a set, null is no_value:
@@ -58,7 +58,7 @@ def read_feed(lines: Iterable[str], place: str) -> list[FedSample]:
 
 
 def read_record(lines: Iterable[str], place: str) -> tuple[Mapping[str, Any], list[Recorded]]:
-    """What was run, and its samples as they came.
+    """The record's first line, with the specification, and its samples as they came.
 
     Raises:
         TextError: a line is none of a record, and which.

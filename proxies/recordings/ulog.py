@@ -135,7 +135,7 @@ class UlogRecording(Recording):
 
 
 class _Definitions:
-    """Types that a log defines, each once, and what is made of them: every type is looked at once, however often it is used."""
+    """Types that a log defines, each once, and their layouts: every type is read once, however often it is used."""
 
     def __init__(self) -> None:
         self._texts: dict[str, str] = {}
@@ -144,7 +144,7 @@ class _Definitions:
         self._bytes = 0
 
     def take(self, body: bytes) -> bool:
-        """Whether there is room for it; what is defined already stays as it is."""
+        """Whether there is room for it; a type that is defined already stays as it is."""
         name, _, fields = body.decode("ascii", "replace").partition(":")
         if name not in self._texts:
             self._texts[name] = fields
@@ -212,7 +212,7 @@ def _row(layout: _Layout, body: bytes) -> Row | None:
 
 
 class _Rows:
-    """Rows to reports, with what must be remembered from row to row."""
+    """Rows to reports, with the state from row to row."""
 
     def __init__(self) -> None:
         self._airborne: bool | None = None

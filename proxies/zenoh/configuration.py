@@ -61,7 +61,7 @@ def zenoh_config(options: ZenohOptions, address_of: Callable[[str], str]) -> dic
     """The configuration as Zenoh reads it.
 
     Args:
-        options: what was chosen.
+        options: the user's choice.
         address_of: the address of a network interface; called only where no endpoint to listen on is given.
 
     Raises:

@@ -1,10 +1,10 @@
 """The only module that imports zenoh. Bytes become events here and nowhere else; effects become calls.
 
-Handlers stamp, post and return: one that worked or waited would stall the whole session, one that raised would be
-swallowed. Which kind they are follows from `python -m bench callbacks`: for what is declared, plain callbacks, which
-Zenoh feeds from a thread and a queue of their own; they take 190 k samples/s, direct ones (`indirect=False`) 24 k/s,
-since each fetches the interpreter's lock again, and at 1 kHz both need the same time within the noise. For the answers
-to a question direct ones, since a plain one would start a thread for every question.
+Handlers stamp, post and return: a handler that worked or waited would stall the whole session, one that raised would be
+swallowed. Their kind follows from `python -m bench callbacks`: plain callbacks for declarations, which Zenoh feeds from
+a thread and a queue of their own; they take 190 k samples/s, direct ones (`indirect=False`) 24 k/s, since each fetches
+the interpreter's lock again, and at 1 kHz both need the same time within the noise. For the answers to a question
+direct ones, since a plain one would start a thread for every question.
 """
 
 import contextlib
@@ -45,7 +45,7 @@ _PRIORITY = {
 
 
 class ZenohEdge:
-    """One session, and what a node declared on it. All calls come from one thread.
+    """One session, and the declarations of a node on it. All calls come from one thread.
 
     Args:
         options: the federation and how to find it.
@@ -125,7 +125,7 @@ class ZenohEdge:
         ]
 
     def perform(self, effect: wire.WireEffect) -> None:
-        """Carry out one effect. What Zenoh refuses is posted as `HandlerFailed`: a node outlives its session."""
+        """Carry out one effect. A refusal of Zenoh is posted as `HandlerFailed`: a node outlives its session."""
         try:
             if self._exchange is None or self._is_exchanged(self._exchange):
                 self._performers[type(effect)](effect)
@@ -231,7 +231,7 @@ class ZenohEdge:
     def _made(self, effect: Declaration) -> Any:
         session = self._opened
         match effect:
-            case wire.Subscribe(key_expr):  # what this node puts itself need not come back to it
+            case wire.Subscribe(key_expr):  # this node's own puts need not come back to it
                 handler = self._guarded("sample", self._on_sample)
                 return session.declare_subscriber(key_expr, handler, allowed_origin=zenoh.Locality.REMOTE)
             case wire.DeclareQueryable(key_expr):
@@ -261,7 +261,7 @@ class ZenohEdge:
         return True
 
     def _defer(self, effect: wire.WireEffect) -> None:
-        """Between two sessions: declarations wait, and what is put is lost as on a cut wire, to be sent again."""
+        """Handle an effect between two sessions: declarations wait, and puts are lost as on a cut wire."""
         match effect:
             case wire.Ask(question):
                 self._post(wire.AskEnded(question, self._now_us()))
@@ -276,7 +276,7 @@ class ZenohEdge:
                 self._declared.pop(wire.DeclareToken(key), None)
 
     def _left(self) -> list[Step]:
-        """The session is ours no more; returns the steps of leaving it. What was declared is remembered."""
+        """The session is ours no more; returns the steps of leaving it. The declarations are remembered."""
         if self._session is None:
             return []
         session, self._session = self._session, None
@@ -324,7 +324,7 @@ class _TokenWatch:
         self._set(str(found.key_expr), alive=found.kind == zenoh.SampleKind.PUT)
 
     def look(self, session: zenoh.Session) -> None:
-        """Ask for the present tokens (answered from what the session knows) and post what differs."""
+        """Ask for the present tokens (answered from the session's own state) and post the differences."""
         believed, seen = set(self._alive), set[str]()
 
         def on_reply(reply: zenoh.Reply) -> None:
@@ -345,7 +345,7 @@ class _TokenWatch:
 
 
 def _said(failed: Exception) -> str:
-    """What went wrong, without the place in Zenoh's sources that its errors end in."""
+    """Zenoh's error without the place in its sources that it ends in."""
     return str(failed).partition(" at /")[0]
 
 

@@ -43,7 +43,7 @@ class LinkGate:
     Args:
         path: of the roster.
         certificate: our own.
-        links: those that there are; called from a thread of the gate.
+        links: lists the present links; called from a thread of the gate.
         post: takes what became of links and of the file.
         now_us: the node clock.
     """

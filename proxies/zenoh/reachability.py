@@ -42,7 +42,7 @@ def _mismatch(endpoint: str, host: str, certificate: bytes) -> str:
 
 
 def _certificate(link: socket.socket) -> bytes | None:
-    """What a TLS handshake brings, DER, of any member, empty if refused; None from what speaks no TLS."""
+    """The certificate of a TLS handshake, DER, of any member, empty if refused; None from a peer without TLS."""
     context = ssl.SSLContext(ssl.PROTOCOL_TLS_CLIENT)
     context.check_hostname, context.verify_mode = False, ssl.CERT_NONE
     link.settimeout(_WITHIN_S)

@@ -17,7 +17,7 @@ def leave(steps: Iterable[Step]) -> None:
 
 
 def leave_within(seconds: float, steps: Iterable[Step]) -> None:
-    """As `leave`, but wait at most so long; what is not done by then the end of the process does."""
+    """As `leave`, but wait at most so long; the end of the process does the rest."""
     leaving = threading.Thread(target=leave, args=(list(steps),), daemon=True)
     leaving.start()
     leaving.join(seconds)

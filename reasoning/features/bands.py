@@ -62,7 +62,7 @@ class Goal(NamedTuple):
 def track_bands(
     traffic: Intruders, goal: Goal, step_deg: float, turn_deg_s: float = 0.0, least_m_s: float = 0.0
 ) -> tuple[ConflictBand, ...]:
-    """Bands of the track, 0 to 360 degrees; what flies slower than `least_m_s` is taken to fly so fast.
+    """Bands of the track, 0 to 360 degrees; a slower vehicle is taken to fly at `least_m_s`.
 
     A turn of rate w keeps the speed; after time t, with the track a: north = g (sin(a + w t) - sin a) / w, and so on.
     """
@@ -232,7 +232,7 @@ def _are_near(a: float, b: float) -> bool:
 
 
 def _bands(clear: Iterable[tuple[float, float]], low: float, high: float) -> tuple[ConflictBand, ...]:
-    """Bands from `low` to `high`: the clear ranges, joined where they meet, and what lies between them."""
+    """Bands from `low` to `high`: the clear ranges, joined where they meet, and the ranges between them."""
     joined: list[tuple[float, float]] = []
     for first, last in sorted(clear):
         start, end = max(first, low), min(last, high)

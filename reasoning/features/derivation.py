@@ -1,8 +1,8 @@
 """Features the engine derives from federated streams: which semantic labels each needs, and its value.
 
 A `Derivation` is made for the features of one formula; it names the inputs a state must bring, in order, and turns the
-values of such a state into values by label. What lacks an input is `NO_VALUE`. Times are microseconds, as durations are
-in formulas.
+values of such a state into values by label. A feature that lacks an input is `NO_VALUE`. Times are microseconds, as
+durations are in formulas.
 """
 
 from collections.abc import Callable, Iterable, Mapping, Sequence
@@ -100,7 +100,7 @@ class Derivation:
     """Values of the derived features of one formula.
 
     Args:
-        labels: the features, e.g. `reasoning.required_labels(formula)`; those that are not derived are left alone.
+        labels: the features, e.g. `reasoning.required_labels(formula)`; labels that are not derived are left alone.
         vertical: `heli-altitude`, or `heli-height` to compare heights above different homes.
         fence: corners (latitude, longitude) in degrees, for `fence_margin`.
         first: the inputs of this unit stand before the others.
@@ -152,7 +152,7 @@ class Derivation:
         return found
 
     def beyond(self, clear: Clearance) -> Callable[[Sequence[Value]], bool]:
-        """What tells of a state, faster than its values, that it lacks nothing and its pair is so far apart.
+        """A predicate over a state's inputs, faster than the values: no input is missing and the pair is so far apart.
 
         Raises:
             UnknownLabel: these are not features of one pair.
@@ -223,7 +223,7 @@ class _Pair:
             found[label] = value if value is not None and isfinite(value) else NO_VALUE
 
     def _values(self, inputs: Sequence[Value]) -> dict[str, float]:
-        """Those that are wanted and can be had, and their parts."""
+        """The wanted features with known inputs, and their parts."""
         values: dict[str, float] = {}
         down_m: float | None = None
         if self._verticals is not None:

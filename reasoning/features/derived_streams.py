@@ -84,7 +84,7 @@ class DerivedStream(OnDemand):
 
     @property
     def needed(self) -> tuple[FeatureInput, ...]:
-        """What it is made from, by semantic labels."""
+        """Its inputs, by semantic labels."""
         return self._derivation.inputs
 
     @property

@@ -28,12 +28,12 @@ BORNE: Final[Mapping[str, str]] = {
 
 
 def quantities(origin: Callable[[], tuple[float, float] | None] = lambda: None) -> Mapping[str, ViewOf]:
-    """What features of units are derived from, of objects; `origin` (latitude, longitude, degrees) is that of their frame."""
+    """The quantities of objects that features need; `origin` (latitude, longitude, degrees) is that of their frame."""
     return {POSITION: lambda sort: _position(sort, origin()), ALTITUDE: _altitude, VELOCITY: _velocity}
 
 
 def lacks(sort: Sort, needs: tuple[str, ...]) -> str:
-    """The fields that objects of this sort do not have, of what a feature needs; empty if it can be derived of them."""
+    """The fields that a feature needs and objects of this sort do not have; empty if it can be derived of them."""
     known = quantities()
     missing = (each for each in needs if each not in known or known[each](sort) is None)
     return "; ".join(BORNE.get(each, each) for each in missing)

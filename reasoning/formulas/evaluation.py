@@ -23,7 +23,7 @@ FALSE, TRUE, UNDECIDED = 0, 1, 2
 TRUTHS: Final[tuple[Truth, ...]] = (False, True, None)
 """By digit."""
 UNKNOWN: Final[dict[str, int]] = {"undecided": UNDECIDED, "false": FALSE, "true": TRUE, "skip": UNDECIDED}
-"""What an atom over `no_value` is under each policy; `skip` never comes to evaluating one."""
+"""The truth of an atom over `no_value` under each policy; with `skip` it is never evaluated."""
 
 
 def is_missing(value: Value) -> bool:
@@ -37,9 +37,9 @@ Times: TypeAlias = Mapping[str, int]
 
 
 class Moment(NamedTuple):
-    """What a formula can look at: one state.
+    """The input of a formula: one state.
 
-    `values` by label; `domains` as they are now, for growing quantifiers; `events` are the labels of what happened;
+    `values` by label; `domains` as they are now, for growing quantifiers; `events` are labels of the events;
     `changed_us` when each feature under a `since` last changed.
     """
 

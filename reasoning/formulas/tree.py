@@ -160,7 +160,7 @@ class Implies(Node):
 
 
 Term: TypeAlias = Const | Duration | Variable | Feature | Now | Since | Occurred | Negate | Abs | Arithmetic
-"""What has a value in a state."""
+"""Terms: nodes with a value in a state."""
 Bound: TypeAlias = int | Term
 """Microseconds; until checked also a term of times and constants."""
 
@@ -270,7 +270,7 @@ def deepest_temporal(formula: Formula) -> tuple[int, Place]:
 
 
 def too_deep(depth: int) -> str:
-    """What is wrong with a formula of that depth, more than `LIMIT_TEMPORAL`."""
+    """The error of a formula of that depth, more than `LIMIT_TEMPORAL`."""
     return f"{depth} temporal operators stand inside one another, {LIMIT_TEMPORAL} are allowed"
 
 

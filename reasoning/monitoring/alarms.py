@@ -1,8 +1,8 @@
 """Alarms of `always phi` (F8): opened when phi fails, closed by k states in a row that satisfy it.
 
 When phi fails in some state the alarm opens and phi is monitored again from the next state; the alarm closes at the
-first of k consecutive states that satisfy phi. What phi leaves pending is kept meanwhile, in order while an alarm is
-open, since which state satisfied phi first matters then.
+first of k consecutive states that satisfy phi. The pending remainders of phi are kept meanwhile, in order while an
+alarm is open, since which state satisfied phi first matters then.
 """
 
 from collections import deque
@@ -121,7 +121,7 @@ class Watch:
         return self._settle()
 
     def forget_clean(self) -> None:
-        """Count clean states from zero; what is pending stays an obligation."""
+        """Count clean states from zero; pending remainders stay an obligation."""
         if self._runs:
             self._rest = self._phi.conjoin((self._rest, *(run.residual for run in self._runs)))
         self._runs.clear()

@@ -18,7 +18,7 @@ class MonitorInputs:
     """The state of one monitor's inputs; `names` are all of them, for when no state at all comes.
 
     Attributes:
-        deadline_us: when the state of the inputs changes by itself; None: only by what comes.
+        deadline_us: when the state of the inputs changes by itself; None: only by samples.
     """
 
     def __init__(self, names: Sequence[str], period_us: int, max_delay_us: int, since_us: int = 0) -> None:

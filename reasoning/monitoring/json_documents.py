@@ -48,7 +48,7 @@ class JsonDocument:
         self.root = JsonTable(self, (), found)
 
     def error(self, path: JsonPath, message: str, repair: str) -> TextError:
-        """An error at the value of a path, or at what is nearest around it."""
+        """An error at the value of a path, or at the nearest value around it."""
         offset, width = place_of(self.text, path)
         named = shown_path(path)
         told = f"{named}: {message}" if named else message

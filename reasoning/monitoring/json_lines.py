@@ -28,8 +28,8 @@ class JsonLine:
     """One line, decoded: `record` is its object. Bytes are UTF-8, and may begin with the mark of that.
 
     Args:
-        what: what a line is, `a state`; `example` shows one.
-        constant: what NaN, Infinity and -Infinity are, which are no JSON.
+        what: the name of a line's content, `a state`; `example` shows one.
+        constant: the replacement of NaN, Infinity and -Infinity, which are no JSON.
 
     Raises:
         TextError: it is too long, no JSON, or no object.

@@ -27,7 +27,7 @@ _SIGN: Final = {"<": -1.0, "<=": -1.0, ">": 1.0, ">=": 1.0}
 
 
 def _is_quantity(value: Value) -> TypeGuard[float]:
-    """Whether it has a distance; a text, a truth value, a record, and what is missing have none."""
+    """Whether it is a number; texts, truth values, records and missing values have no distance."""
     return isinstance(value, int | float) and not isinstance(value, bool)
 
 
@@ -43,7 +43,7 @@ class Margins:
 
     Args:
         formula: checked; `always phi` without end, or any formula with bounded windows.
-        domains: what its quantifiers range over, growing ones too.
+        domains: the domains of its quantifiers, growing ones too.
         period_us: the sample period of the states if it is known.
 
     Raises:
@@ -81,7 +81,7 @@ def check_windows(formula: tree.Formula) -> None:
 
 
 def _repeated(formula: tree.Formula) -> tree.Formula:
-    """What an `always` without end demands of every state, which margins are about."""
+    """The operand of an `always` without end, for which margins are computed; else the formula itself."""
     is_always = isinstance(formula, tree.Always) and formula.lo_us == 0 and formula.hi_us is None
     return formula.operand if isinstance(formula, tree.Always) and is_always else formula
 

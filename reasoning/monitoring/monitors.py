@@ -1,7 +1,7 @@
 """Monitors: a formula, the state of its inputs, and its alarms (thesis 7.5; F4, F5, F8).
 
-A value stepped by `on_state` and `on_time`; what it returns are alarms opened and closed, and by `end`, ended.
-Federation time.
+A value stepped by `on_state` and `on_time`, which return alarms that opened and closed, and by `end`, which returns
+ended ones. Federation time.
 """
 
 from collections import Counter
@@ -40,9 +40,9 @@ class Monitor:
         key: the units it is about; the first is the platform that monitors, unless `by` says otherwise.
         period_us: sample period of its states.
         max_delay_us: how long a state may wait for its inputs.
-        no_value: what an atom over `no_value` counts as (F5); `skip` leaves out states that lack an input.
+        no_value: the truth of an atom over `no_value` (F5); `skip` leaves out states that lack an input.
         close_after: how many states in a row must satisfy phi to close an alarm.
-        inputs: names of what the states are made of, for `missing_inputs`; the formula's labels by default.
+        inputs: names of the inputs of the states, for `missing_inputs`; the formula's labels by default.
         domains: members of the domains it quantifies over, where states do not bring them.
         since_us: when the monitor was set up.
 
@@ -144,7 +144,7 @@ class Monitor:
 
     @property
     def shows(self) -> Shown:
-        """What a person sees: never safe while inputs are not fresh, or while the newest state decides nothing."""
+        """The state for users: never safe while inputs are not fresh, or while the newest state decides nothing."""
         if self._inputs.state != "fresh":
             return "unknown"
         if self.verdict == "false":
@@ -170,7 +170,7 @@ class Monitor:
             values: by label; `NO_VALUE` or absent where there is none.
             lacks: names of inputs without a value; by default the formula's labels without one.
             domains: as they are now, for quantifiers; by default those of the constructor.
-            events: labels of what happened.
+            events: labels of the events.
             samples_us: valid times of the samples it was made of, by input; by default that of the state, of all inputs
                 that do not lack.
         """

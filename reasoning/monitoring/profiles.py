@@ -23,7 +23,7 @@ Threshold: TypeAlias = float | str
 """A number, or a time with suffix."""
 
 AIRCRAFT: Final = "traffic"
-"""What formulas of profiles call the aircraft that are no members."""
+"""The name of aircraft that are no members, in formulas of profiles."""
 _WORD: Final = re.compile(r"[A-Za-z_][A-Za-z0-9_]*")
 _VOLUME: Final = ("DMOD", "ZTHR", "TAUMOD_S", "TCOA_S")
 _KEYS: Final = {
@@ -66,7 +66,7 @@ class Profile:
 
     @property
     def volume(self) -> Thresholds:
-        """What `well_clear` and `time_to_violation` keep: its thresholds DMOD, ZTHR, TAUMOD_S and TCOA_S, where it has them."""
+        """The volume of `well_clear` and `time_to_violation`: DMOD, ZTHR, TAUMOD_S and TCOA_S, where it has them."""
         named = zip(_VOLUME, AMONG_SMALL, strict=True)
         return Thresholds(*(_seconds(self.thresholds.get(name, usual)) for name, usual in named))
 

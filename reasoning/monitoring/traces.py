@@ -59,7 +59,7 @@ class Trace:
 
     @property
     def objects(self) -> frozenset[str]:
-        """What a name may mean that is no label: every text that is a value."""
+        """The possible meanings of a name that is no label: all texts among the values."""
         values = {value for state in self.states for value in state.values.values() if isinstance(value, str)}
         return frozenset(values.difference(self.labels))
 
@@ -138,7 +138,7 @@ def read_trace(lines: Iterable[str], file: str = "") -> Trace:
 
 
 class _Reader:
-    """What the lines so far have brought."""
+    """The states of the lines so far."""
 
     def __init__(self) -> None:
         self.states: list[TraceState] = []

@@ -43,7 +43,7 @@ _NEGATED: Final = (TRUE, FALSE, UNKNOWN)
 
 
 class Letter:
-    """One truth assignment of `atoms` atoms: the digit of each, and what is worked out for it.
+    """One truth assignment of `atoms` atoms: the digit of each, and values computed for it.
 
     `moment` is the state itself, for growing quantifiers, which no automaton has.
     """
@@ -96,7 +96,7 @@ class Progressor:
         return next(at for at, known in self._numbers.items() if known == number)
 
     def letter(self, number: int, moment: Moment | None = None) -> Letter:
-        """The truth assignment with this number; the latest ones are kept with what is worked out for them.
+        """The truth assignment with this number; the latest ones are kept with their computed values.
 
         With growing quantifiers it is that of one state, `moment`.
         """
@@ -139,7 +139,7 @@ class Progressor:
             clauses: windows relative to some instant.
             letter: of the state.
             now_us: its time, relative to the same instant.
-            base_us: what the windows of the result are to be relative to, likewise.
+            base_us: the instant that the windows of the result are relative to, likewise.
         """
         found = self._step(clauses, letter, now_us, base_us)
         return found if size(found) <= LIMIT_LEFT else UNKNOWN
@@ -264,7 +264,7 @@ class Automaton:
 
     Attributes:
         letters: how many truth assignments there are.
-        is_full: no more is kept; what is not known is worked out each time.
+        is_full: no more states are kept; others are computed each time.
     """
 
     def __init__(self, shape: Shape, period_us: int | None) -> None:
@@ -303,7 +303,7 @@ class Automaton:
         return Figures(len(self.states), self._transitions, max(size(state.clauses) for state in self.states))
 
     def gap(self, gap_us: int) -> int | None:
-        """What a reading adds to its truth assignment for the time since the state before; None if there are too many."""
+        """The offset of a reading for the time since the state before; None if there are too many."""
         number = self._gaps.get(gap_us)
         if number is None:
             if len(self._gaps) >= LIMIT_GAPS:

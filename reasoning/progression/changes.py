@@ -1,4 +1,4 @@
-"""What a progression takes from states: when features last changed, and which have no value."""
+"""The inputs of a progression from states: when features last changed, and which have no value."""
 
 from collections.abc import Collection, Mapping
 

@@ -110,7 +110,7 @@ def _weakest(literals: set[Literal]) -> Clause:
 
 
 def merged(windows: list[Obligation]) -> list[Obligation]:
-    """Windows of one operator, in order: those that overlap or touch become one."""
+    """Windows of one operator, in order: windows that overlap or touch become one."""
     operator, from_us, to_us = windows[0]
     kept: list[Obligation] = []
     for _, begin, end in windows[1:]:
@@ -138,7 +138,7 @@ def _least(windows: list[Obligation]) -> list[Obligation]:
 
 
 def _strongest(clauses: Clauses) -> Clauses:
-    """The clauses that no other one implies; of those that differ in one universal window the windows are joined."""
+    """The clauses that no other one implies; clauses that differ in one universal window are joined."""
     if len(clauses) < 2:
         return clauses
     kept: list[Clause] = []
@@ -154,7 +154,7 @@ def _strongest(clauses: Clauses) -> Clauses:
 
 
 def _strongest_of_many(clauses: Clauses) -> list[Clause]:
-    """The same where looking at all pairs would take long: what implies a clause is about operators of that clause.
+    """The same for many clauses, without comparing all pairs: only clauses about operators of a clause can imply it.
 
     Each is kept under one of its operators, the greatest, so that an uncertainty that many share gathers none of them.
     """
@@ -210,7 +210,7 @@ def _joined(clauses: list[Clause]) -> Clauses:
 
 
 def size(clauses: Clauses) -> int:
-    """How many obligations are kept, blocks and members counted with what is in them."""
+    """The number of obligations, with those inside blocks and members."""
     return sum(_size(one) for clause in clauses for one in clause)
 
 

@@ -74,7 +74,7 @@ class Progressing(Protocol):
         """Another one of the formula, before its first state; this one has had none either."""
 
     def explain(self) -> tuple[Explanation, ...]:
-        """What made it true or false; nothing while it is undecided, or grows with its domains."""
+        """The reasons of its truth or falsehood; nothing while it is undecided, or grows with its domains."""
 
     def progress(
         self,
@@ -97,7 +97,7 @@ def make_progression(
     Args:
         formula: checked; times are microseconds.
         period_us: the sample period of the states if it is known: then no state lies closer to another.
-        no_value: what an atom over `no_value` counts as; `skip` leaves out states in which a feature has no value.
+        no_value: the truth of an atom over `no_value`; `skip` leaves out states in which a feature has no value.
         way: None lets the engine choose.
     """
     return FastProgression(
@@ -118,7 +118,7 @@ class FastProgression:
 
     Attributes:
         taken_apart: the formula's atoms and skeleton; None before the first state, and if it has no fixed skeleton.
-        decision: what decided it, once something has.
+        decision: the remainder and the state that decided it, once it is decided.
     """
 
     def __init__(
@@ -149,7 +149,7 @@ class FastProgression:
     def again(self) -> "FastProgression":
         """Another one of the formula, before its first state; this one has had none either.
 
-        What both have in common is worked out once, unless that follows from domains or changes.
+        Both share the atoms and the skeleton, unless these follow from domains or changes.
         """
         if not self._is_ready:
             if any(isinstance(node, Since | Forall | Exists) for node in walk(self.formula)):
@@ -187,7 +187,7 @@ class FastProgression:
         return self._state.clauses if self._clauses is None else moved(self._clauses, -self._valid_us)
 
     def explain(self) -> tuple[Explanation, ...]:
-        """What made the formula true or false; nothing while it is undecided, or grows with its domains."""
+        """The reasons of its truth or falsehood; nothing while it is undecided, or grows with its domains."""
         decision, apart, progressor = self.decision, self.taken_apart, self._progressor
         if decision is None or apart is None or progressor is None or apart.growing or self.verdict == "undecided":
             return ()

@@ -1,7 +1,7 @@
 """Why a formula was decided: which part of it, for which members, since when, by which samples.
 
 A formula turns false when every obligation of one clause of the remainder has failed, and true when one of each clause
-was met. What the deciding state implies for those obligations is followed down to comparisons of single values. Where it
+was met. The deciding state's values for those obligations are followed down to comparisons of single values. Where it
 lies beyond the window of an obligation, it does not bear on it: then the end of the window is the reason.
 """
 
@@ -26,10 +26,10 @@ class Explanation(NamedTuple):
         holds: which of the two.
         obligation: the temporal part of the formula that needed it; None if the formula as a whole did.
         binding: the members for which quantifiers range over it.
-        since_us: the state at which the obligation arose, None if it is older than what is kept.
+        since_us: the state at which the obligation arose, None if it is older than the kept ones.
         until_us: the end of its window, None without end.
         valid_us: the deciding state.
-        samples: what it brought, by label.
+        samples: its values, by label.
     """
 
     part: tree.Formula
@@ -70,7 +70,7 @@ class Explainer:
         self._left, self._letter, self._moment = left, letter, moment
 
     def reasons(self, *, truth: bool) -> tuple[Explanation, ...]:
-        """What made the formula true, or false."""
+        """The reasons of the formula's truth, or of its falsehood."""
         if self._left is None:
             found = self._node(len(self._apart.shape.nodes) - 1, truth, _Within())
         else:
@@ -143,7 +143,7 @@ class Explainer:
             yield from self._operator(at, truth, inner, around, is_inside=not node.lo_us)
 
     def _state(self, formula: tree.Formula, truth: bool, binding: Binding, within: _Within) -> Iterator[Explanation]:
-        """A formula about one state, down to what makes it true or false there."""
+        """A formula about one state, down to the comparisons that make it true or false there."""
         match formula:
             case tree.Not(operand):
                 yield from self._state(operand, not truth, binding, within)

@@ -14,7 +14,7 @@ from reasoning.progression.clauses import DOUBT, FOREVER, Block, Clause, Clauses
 from reasoning.progression.engine import FastProgression, Progressing
 
 UNDECIDED: Final = Feature("no_value")
-"""Stands for what is undecided for ever: a feature that never has a value."""
+"""Stands for a formula that is undecided for ever: a feature that never has a value."""
 
 
 def remaining(progression: Progressing) -> Formula | None:
@@ -76,7 +76,7 @@ def _end(clause: Clause) -> tuple[int, list[tuple[int, ...]]]:
 
 
 def _order(one: Literal) -> tuple[int, ...]:
-    """Universal operators first, then by number and window; what stands as it is comes last."""
+    """Universal operators first, then by number and window; blocks come last."""
     if isinstance(one, Block):
         return (2, *_flat(one.clauses))
     return (1 - one[0] % 2, *one)

@@ -1,7 +1,7 @@
 """A formula that is restarted at every state, as the phi of `always phi` when its alarm is watched (F8).
 
-What a start leaves is a residual: True, False, None, or something that `step` takes through the next state. All residuals
-of one formula are stepped through every state, and those of states in a row can be conjoined.
+The remainder of a start is a residual: True, False, None, or something that `step` takes through the next state. All
+residuals of one formula are stepped through every state, and those of states in a row can be conjoined.
 """
 
 from collections.abc import Callable, Sequence
@@ -23,7 +23,7 @@ class Startable(Protocol):
     """A formula that can be started at any state."""
 
     def read(self, moment: Moment) -> Any:
-        """What `start` and `step` need of a state; to be called once for each, in order."""
+        """The input of `start` and `step` from a state; to be called once for each, in order."""
 
     def start(self, reading: Any) -> Any:
         """The remainder after the state in which the formula starts."""
@@ -62,7 +62,7 @@ def progressor_of(
     no_value: NoValuePolicy,
     compiler: EvaluationCompiler | None,
 ) -> Progressor:
-    """What steps a formula that has no automaton: it grows with its domains, or its remainder is not to be distributed."""
+    """The progressor of a formula without an automaton: it grows with its domains, or is too deep to distribute."""
     compiler = compiler or EvaluationCompiler(domains, no_value)
 
     def instance(formula: Formula) -> Startable:
@@ -158,7 +158,7 @@ class GrowingQuantifier:
         return members
 
     def _read(self, member: str, moment: Moment) -> tuple[Startable, Any]:
-        """The instance of a member, and what it needs of this state; each is read once a state."""
+        """The instance of a member, and its reading of this state; each is read once a state."""
         if member not in self._instances:
             before = self._compiler.nodes_left
             instance = self._instance(instantiate(self._body, self._variable, member))
@@ -170,7 +170,7 @@ class GrowingQuantifier:
 
 
 class OnClauses:
-    """By clauses with absolute windows, for what has no automaton."""
+    """By clauses with absolute windows, for formulas that have no automaton."""
 
     def __init__(self, taken_apart: TakenApart, compiler: EvaluationCompiler, progressor: Progressor) -> None:
         self._read, self._progressor = compiler.assignment(taken_apart.atoms), progressor
@@ -190,7 +190,7 @@ class OnClauses:
         return _truth_or(conjoin(one if isinstance(one, frozenset) else CLAUSES_OF[one] for one in residuals))
 
     def explain(self, _left: Any, _reading: Any, _moment: Moment) -> tuple[Explanation, ...]:
-        """Nothing: what it read is not kept."""
+        """Nothing: the readings are not kept."""
         return ()
 
 

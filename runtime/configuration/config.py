@@ -39,7 +39,7 @@ class ClockConfig(Strict):
     yields: bool = False
     """Whether the epoch of a federation that is there already, at this speed, goes before ours."""
     skew_us: int = 0
-    """A wrong node clock, for tests of what a federation does about it."""
+    """A wrong node clock, for tests of a federation with wrong clocks."""
 
 
 class SimulatedVehicleConfig(Strict):
@@ -159,7 +159,7 @@ class NodeConfig(Strict):
     govern_ms: float | None = Field(None, gt=0, le=60_000)
     """While delays are longer than this the periods of the least important streams are lengthened."""
     admit: Literal["refuse", "longer"] = "refuse"
-    """What becomes of declarations there is no time for: refused, or served at a longer period until there is."""
+    """Declarations that there is no time for: refused, or served at a longer period until there is."""
     learnt: Path | None = None
     """Directory in which it keeps what its streams of beliefs learn."""
     feed: Path | None = None

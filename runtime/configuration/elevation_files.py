@@ -17,7 +17,7 @@ _TILE, _GRID = ".hgt", ".asc"
 
 
 def read_elevation(path: Path) -> Elevation:
-    """The elevation that a file or directory has; one that is read again without a change is the same. Raises WrongCall."""
+    """The elevation in a file or directory; the same one for an unchanged file. Raises WrongCall."""
     try:
         files = _files(path)
         states = tuple((file, (state := file.stat()).st_mtime_ns, state.st_size) for file in files)

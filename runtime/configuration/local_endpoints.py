@@ -37,7 +37,7 @@ def with_local_endpoint(wire: WireConfig) -> WireConfig:
 
 
 def noted_local(wires: Iterable[WireConfig]) -> tuple[tuple[str, str], ...]:
-    """What the run directory notes of platforms: each endpoint for others with the local one."""
+    """The endpoints of platforms for the run directory: each endpoint for others with the local one."""
     return tuple((endpoint, wire.local) for wire in wires if wire.local is not None for endpoint in wire.listen)
 
 

@@ -1,4 +1,4 @@
-"""The semantic labels of a process: those that every member has, those of its extensions, those of a file."""
+"""The semantic labels of a process: those of every member, those of its extensions, those of a file."""
 
 from collections.abc import Iterable
 from pathlib import Path

@@ -67,7 +67,7 @@ def wire_of(settings: Settings, unit: str, special: UnitFile = _NOTHING) -> Wire
 
 
 def _checked_wire(listen: Sequence[str], connect: Sequence[str], interface: str | None) -> None:
-    """Raises WrongCall for what no session could be opened with."""
+    """Raise WrongCall for endpoints and interfaces with which no session could be opened."""
     for option, endpoints in (("--listen", listen), ("--connect", connect)):
         for endpoint in endpoints:
             if not _ENDPOINT.fullmatch(endpoint):

@@ -1,4 +1,4 @@
-"""What a platform's configuration comes to, with the files it names read."""
+"""The configuration of a platform, with the files it names read."""
 
 from pathlib import Path
 
@@ -36,7 +36,7 @@ def _text(file: Path, option: str) -> str:
 
 
 def platform_config(config: NodeConfig, clock: FederationClock, started_us: int, zid: str) -> PlatformConfig:
-    """What the platform is to know, files read.
+    """The platform's configuration from that of its node, files read.
 
     Raises:
         TextError, RosterError, RoadsError, WrongCall: a file is wrong, and where.

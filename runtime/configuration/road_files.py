@@ -37,7 +37,7 @@ def read_roads(file: Path) -> RoadNetwork:
 
 
 def check_place(file: Path | None, roads: RoadNetwork | None, cameras: CameraRig | None) -> None:
-    """Roads and what the cameras of a platform see are metres from one place; raises WrongCall.
+    """Check that roads and cameras of a platform count metres from one place; raises WrongCall.
 
     A local map does not say where it is.
     """

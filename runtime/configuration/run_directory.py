@@ -16,7 +16,7 @@ if TYPE_CHECKING:
 
 STATE_FILE = "state.json"
 HANDLINGS_FILE = "boxes.jsonl"
-"""What simulated UAVs did with boxes; a federation begins without."""
+"""The handlings of boxes by simulated UAVs; empty at the start of a federation."""
 JOINED = "joined"
 """The folder with a state file for each `dyknow join`."""
 
@@ -72,7 +72,7 @@ def run_directory(federation: str) -> Path:
 
 
 def noted_state(directory: Path, file: str = STATE_FILE) -> ProcessState:
-    """What was noted of this federation, whether those processes still run or not."""
+    """The noted processes of this federation, whether they still run or not."""
     try:
         noted = json.loads((directory / file).read_text(encoding="utf-8"))
         running = tuple(
@@ -93,7 +93,7 @@ def read_state(directory: Path) -> ProcessState:
 
 
 def joined_states(directory: Path) -> dict[Path, ProcessState]:
-    """What each `dyknow join` of this federation noted, by its file."""
+    """The noted processes of each `dyknow join` of this federation, by file."""
     files = sorted((directory / JOINED).glob("*.json"))
     return {file: noted_state(file.parent, file.name) for file in files}
 

@@ -1,4 +1,4 @@
-"""What a process needs to take part in a federation: the session's options, and its trust, with their files read."""
+"""A process' access to a federation: the session's options, and its trust, with their files read."""
 
 import json
 import re
@@ -42,7 +42,7 @@ def _is_loopback(host: str) -> bool:
 
 
 class Unprotected(NamedTuple):
-    """What a federation does without: in a line, and, where strangers reach it, the danger and the remedy."""
+    """The missing protection of a federation: in a line, and, where strangers reach it, the danger and the remedy."""
 
     note: str
     danger: str
@@ -50,7 +50,7 @@ class Unprotected(NamedTuple):
 
 
 def unprotected(wire: WireConfig, *, has_roster: bool) -> Unprotected | None:
-    """What is not protected on this wire; None if everything is, by mutual TLS."""
+    """The missing protection of this wire; None if all is protected, by mutual TLS."""
     remedy = "or set DYKNOW_OPEN=1 to allow it all the same"
     if not has_roster:
         return Unprotected(

@@ -44,7 +44,7 @@ class ClockFile(Strict):
 
 
 class UnitFile(Strict):
-    """`[unit.U]`: what platform U has that the others have not. At most one of `mavlink` and `replay`."""
+    """`[unit.U]`: the settings of platform U alone. At most one of `mavlink` and `replay`."""
 
     persona: Persona | None = None
     trust: float = Field(default=1.0, ge=0, le=1)
@@ -173,7 +173,7 @@ def load(flags: Mapping[str, Any], config: Path | None) -> Settings:
 
 
 def read_federation(path: Path) -> dict[str, Any]:
-    """What a federation's file sets, its paths made absolute.
+    """The settings in a federation's file, its paths made absolute.
 
     Raises:
         WrongCall: naming file, line and remedy.

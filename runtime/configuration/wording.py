@@ -20,7 +20,7 @@ _WORDS = {"true": True, "yes": True, "on": True, "false": False, "no": False, "o
 
 @cache
 def typed(extensions: tuple[str, ...] = ()) -> "Mapping[str, Action]":
-    """What can be delegated, by head: the actions of all parts of a platform that are `typed`, and of these extensions.
+    """The tasks that can be delegated, by head: the `typed` actions of all parts of a platform, and of these extensions.
 
     Raises:
         UnitError: an extension does not load.

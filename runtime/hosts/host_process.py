@@ -1,7 +1,7 @@
 """One knowledge process host: connects to its platform, lets processes work, reads sources; connects again when left.
 
 One thread owns the processes. The line's threads and those of sources leave messages in a queue, or in the outbox, and
-continue; what the host has to say is bounded (`agents/hosts/outbox.py`), what it receives the platform bounds.
+continue; messages of the host are bounded (`agents/hosts/outbox.py`), those to it are bounded by the platform.
 """
 
 import threading
@@ -33,12 +33,12 @@ class HostProcess:
     """Runs a host until `stop`.
 
     Args:
-        host: what runs.
+        host: the host to run.
         path: of the platform's socket.
         say: takes an event for the user, as a JSON object.
 
     Raises:
-        Refused: what it offers cannot be encoded.
+        Refused: its offer cannot be encoded.
     """
 
     def __init__(self, host: KnowledgeHost, path: Path, say: Callable[[dict[str, Any]], None]) -> None:
@@ -66,7 +66,7 @@ class HostProcess:
 
         Raises:
             EndpointFailed: there is no platform at the first try.
-            Refused: the platform takes nothing of what is offered.
+            Refused: the platform refuses the whole offer.
         """
         is_first = True
         leave_alone_what_is_loaded()
@@ -106,7 +106,7 @@ class HostProcess:
             self._say({"event": "lost"})
 
     def _step(self) -> bool:
-        """Let processes work on what is there, one action, and take what came; False when the connection is over."""
+        """Let processes work on their inputs, one action, and take new messages; False when the connection is over."""
         worked = self._act()
         try:
             for _ in range(TOGETHER):

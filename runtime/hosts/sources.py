@@ -15,10 +15,10 @@ class SourceThread:
     """Reads one source until `rest`; while an earlier reader of the same source is still in it, it waits.
 
     Attributes:
-        grid: what of it is wanted; None: all.
+        grid: the wanted valid times; None: all.
 
     Args:
-        read: what is to be read.
+        read: the source to read.
         after: threads that read the same source before; they have been ended, but may still be waiting for its sensor.
         now_us: federation time; `wall_s` seconds pass while so much of it does.
         post: takes what was read at one instant.

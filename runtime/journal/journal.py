@@ -1,4 +1,4 @@
-"""The node's journal: what reached it and when, so that it can be replayed to the same effects.
+"""The node's journal: its events with their times, so that a replay has the same effects.
 
 The node thread only leaves entries in a bounded queue; a thread of the journal's own encodes and writes them. When the
 disk is too slow entries are dropped and counted, and the node continues.
@@ -67,7 +67,7 @@ class Journal:
         self._leave(lambda part: part.add(TIME, now_us, b""), now_us)
 
     def on_shown(self, shown: Sequence[int], now_us: int) -> None:
-        """What the stopwatch showed in the step that was entered last."""
+        """Note the stopwatch's readings in the step that was entered last."""
         self._leave(lambda part: part.add(SHOWN, now_us, msgpack.packb(shown)), now_us)
 
     def on_sample(self, label: str, fields: Sequence[str], sample: Sample) -> None:
@@ -112,7 +112,7 @@ class Journal:
             self.failed = str(failed)
 
     def _next(self) -> _Write | None:
-        """The next entry. What was written reaches the file within a second, so that a crash loses no more."""
+        """The next entry. A written entry reaches the file within a second, so that a crash loses no more."""
         due_s = self._flushed_s + _FLUSH_S - time.monotonic()
         if due_s > 0:
             with suppress(Empty):
@@ -169,7 +169,7 @@ class _Part:
 
 
 def _void(_value: object) -> None:
-    """What JSON has no word for is `no_value` inside a record."""
+    """A value that JSON has no word for: `no_value` inside a record."""
 
 
 def _values(fields: Sequence[str], value: Any) -> dict[str, Any]:

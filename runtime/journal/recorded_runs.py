@@ -37,7 +37,7 @@ from runtime.journal.journal import Journal, Journalled, replayed
 
 
 def about(config: NodeConfig, clock: FederationClock) -> dict[str, str]:
-    """What the journal of a platform says of it."""
+    """The metadata in the journal of a platform."""
     return {
         "config": config.model_dump_json(),
         CLOCK_EPOCH: str(clock.epoch_us),
@@ -47,7 +47,7 @@ def about(config: NodeConfig, clock: FederationClock) -> dict[str, str]:
 
 
 def journalled(platform: Platform, journal: Journal, stopwatch: Stopwatch) -> Journalled[Effect]:
-    """The platform with its journal: events, timers, what the stopwatch showed, and what was estimated."""
+    """The platform with its journal: events, timers, the stopwatch's readings, and the estimates."""
     for flight in (part for part in platform.parts if isinstance(part, FlightAgent)):
         estimate, fields = flight.streams.estimate, [field.name for field in ESTIMATE.fields]
         on_sample = partial(journal.on_sample, str(estimate), fields)
@@ -70,7 +70,7 @@ def recorded_streams(
     Raises:
         WrongCall: the platform had units or extensions that are not named.
         DecodeError: it is not a journal, or entries were lost, so that the streams are unknown.
-        DyknowError: what the platform's configuration names can no longer be read.
+        DyknowError: a file that the platform's configuration names can no longer be read.
     """
     said = read_about(path)
     try:

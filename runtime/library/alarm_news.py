@@ -1,4 +1,4 @@
-"""Alarms of a federation, and what makes them unknown: monitors without inputs, platforms that go."""
+"""Alarms of a federation, and changes that make them unknown: monitors without inputs, platforms that go."""
 
 from collections.abc import Iterator
 from typing import TYPE_CHECKING, Any, TypeAlias
@@ -32,7 +32,7 @@ class AlarmNews:
         self._is_first = True
 
     def next(self, within_s: float) -> Job[list[AlarmItem]]:
-        """Wait a moment; what came since, each alarm once, whatever the number of platforms that report it."""
+        """Wait a moment; returns the news since the last call, each alarm once though several platforms report it."""
         found: list[AlarmItem] = []
         if self._is_first:
             self._is_first = False
@@ -76,7 +76,7 @@ class AlarmNews:
 
 
 def follow_alarms(client: Client, feed: "Feed[AlarmItem]") -> Job[None]:
-    """Subscribe to the alarms of every platform, and to what makes them unknown, until the feed is closed."""
+    """Feed the alarms of every platform, and changes that make them unknown, until the feed is closed."""
     news = AlarmNews(client)
     try:
         while not feed.is_closed:

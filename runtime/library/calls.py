@@ -22,7 +22,7 @@ _LOOK_S = 0.2
 
 
 def wanted_of(label: str, every: str, max_delay: str, min_certainty: float) -> WantedStream:
-    """What is called for, as it is typed.
+    """The wanted stream, from typed arguments.
 
     Raises:
         WrongCall, NameRefused: an argument that is not right.

@@ -1,4 +1,4 @@
-"""What both faces of a connection share, that of a program that waits and that of one with an event loop; and its tasks."""
+"""The common part of both faces of a connection, for programs that wait and for event loops; and its tasks."""
 
 import asyncio
 from collections.abc import Generator
@@ -26,7 +26,7 @@ TaskState: TypeAlias = Literal["running", "done", "failed", "cancelled"]
 
 
 class ConnectionFace:
-    """What both faces of a connection share."""
+    """The common part of both faces of a connection."""
 
     def __init__(self, thread: MemberThread) -> None:
         self._thread, self._client = thread, thread.client
@@ -95,7 +95,7 @@ class DelegatedTask:
     Attributes:
         unit: the platform that it was delegated to.
         conversation: its name everywhere: `dyknow cancel CONVERSATION` ends it.
-        events: what the platform reports: `Progress`, `Alarm`, `Verdict`, `Done`; the iteration ends with the task.
+        events: the platform's reports: `Progress`, `Alarm`, `Verdict`, `Done`; the iteration ends with the task.
     """
 
     def __init__(self, face: ConnectionFace, dialogue: Dialogue, events: Feed[Content]) -> None:

@@ -50,7 +50,7 @@ def connect(
         extensions: modules that bring further tasks and semantic labels.
         ontology: file of semantic labels that not every platform has; without it their meaning is learned.
 
-    What is not given is taken from `DYKNOW_*` variables and the federation's file, as `dyknow` does.
+    Other options are taken from `DYKNOW_*` variables and the federation's file, as `dyknow` does.
 
     Raises:
         WrongCall: on entering: an option that is not right.
@@ -150,9 +150,9 @@ class FederationClient(ConnectionFace):
 
         Args:
             label: a semantic label.
-            unit: one platform; None: all that are there.
+            unit: one platform; None: all of them.
             every: the period; samples are valid at its multiples.
-            max_delay: what is later than this after its valid time is dropped.
+            max_delay: a sample later than this after its valid time is dropped.
 
         Raises:
             NothingFound: no platform is there, or none has such a label.
@@ -197,7 +197,7 @@ class FederationClient(ConnectionFace):
             to: the platform; may be left out where any will do, or only one is there.
             within: how long to wait for an answer.
             when: a formula and a time, `("gas[self] > 40", "10min")`: do it once that is true, if it is in this time.
-            content: what the task takes, e.g. `profile="proximity"`, `sample_period="1s"`.
+            content: the task's parameters, e.g. `profile="proximity"`, `sample_period="1s"`.
 
         Raises:
             Refused: the platform declines; `.code` says why, for programs.
@@ -246,7 +246,7 @@ class FederationClient(ConnectionFace):
     def ls(self) -> list[PlatformView]:
         """The platforms: `.unit`, `.state` (`alive`, `suspect`, `gone`, `refused`), `.labels`, `.services`.
 
-        One that is gone without a good-bye stays, with `.gone_us` (when it was last heard), until it returns.
+        A platform that is gone without a good-bye stays, with `.gone_us` (when it was last heard), until it returns.
         """
         return self._do(jobs.all_platforms(self._client))
 
@@ -272,7 +272,7 @@ class FederationClient(ConnectionFace):
         self._do(listings.cancel(self._client, conversation))
 
     def objects(self, type: str | None = None, *, unit: str | int | None = None) -> list[listings.ListedObject]:  # noqa: A002
-        """What platforms see, each for itself: `.by`, `.symbol`, `.type`, `.stream`, `.valid_us`, `.attributes`.
+        """The objects that platforms see: `.by`, `.symbol`, `.type`, `.stream`, `.valid_us`, `.attributes`.
 
         Args:
             type: of one type, or of one stream, only.

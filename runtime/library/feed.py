@@ -1,4 +1,4 @@
-"""What arrives over time, handed from the node thread to the program that iterates it."""
+"""Items that arrive over time, handed from the node thread to the program that iterates them."""
 
 import asyncio
 import threading

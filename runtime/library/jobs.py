@@ -1,4 +1,4 @@
-"""What a connection does for its program, step by step on the node thread."""
+"""The jobs of a connection for its program, step by step on the node thread."""
 
 from collections.abc import Callable, Mapping, Sequence
 from typing import TYPE_CHECKING, Any, TypeVar
@@ -149,7 +149,7 @@ def agreeing(client: Client, label: str, units: Sequence[str], refused: Callable
 
 
 def lists(client: Client, units: Sequence[str], content: Content, kind: type[C]) -> Job[list[tuple[str, C]]]:
-    """What platforms answer to a question about themselves, with their names; `on_trouble` of the client gets the others."""
+    """The answers of platforms about themselves, with their names; failures go to `on_trouble` of the client."""
     dialogues = yield from client.answers(units, content, P.QUERY_REF, SET_UP_S)
     for unit, why in ((one.unit, one.trouble) for one in dialogues if one.trouble):
         client.on_trouble(unit, why)
@@ -253,7 +253,7 @@ class Subscriptions:
         self._refused = set[str]()
 
     def news(self, within_s: float) -> Job[list[tuple[str, Content]]]:
-        """Wait a moment; what came since, with the platform that sent it."""
+        """Wait a moment; returns the news since the last call, with the platform that sent each."""
         for view in self._client.centre.platforms():
             known = self._open.get(view.unit)
             if view.state != "alive":
@@ -297,9 +297,9 @@ def begin_task(
 def running_already(client: Client, task: str, to: str | None, given: Mapping[str, Any]) -> Job[TaskEntry | None]:
     """The task that monitors already what this request asks for, wherever it is coordinated; None if there is none.
 
-    A request with a period or delay of its own goes to its platform, which knows whether they fit what runs. What a
-    platform says of a task is believed if it coordinates the task itself, not for another platform, and every
-    platform has the monitors: another task costs little, a task that is not there all monitoring.
+    A request with a period or delay of its own goes to its platform, which knows whether they fit what runs. A platform
+    is believed about a task if it coordinates the task itself, not for another platform, and every platform has the
+    monitors: a second task costs little, a missing one all monitoring.
     """
     from agents.tasks.requests import DEFAULT_TASK
 
@@ -353,7 +353,7 @@ def delegate(
 
 
 def follow_task(dialogue: Dialogue, feed: "Feed[Content]") -> Job[None]:
-    """Pass on what the platform reports, until the task is over or the feed is closed."""
+    """Pass on the platform's reports, until the task is over or the feed is closed."""
     seen = 0
 
     def has_news() -> bool:

@@ -1,4 +1,4 @@
-"""What all platforms list: their tasks, objects and acts; and the end of a task by its name."""
+"""Listings of all platforms: their tasks, objects and acts; and the end of a task by its name."""
 
 from collections.abc import Mapping
 from typing import Any, NamedTuple

@@ -1,4 +1,4 @@
-"""What semantic labels mean in a federation: to this program, and to each platform as it says (thesis 9.3.3)."""
+"""The meanings of semantic labels, to this program and to each platform by its description (thesis 9.3.3)."""
 
 from collections.abc import Iterable, Mapping, Sequence
 from contextlib import suppress
@@ -13,7 +13,7 @@ from runtime.client import Client
 
 
 def meaning_to(client: Client, unit: str, label: str) -> SemanticLabel | None:
-    """What the label means to a platform: as it says, else as every member has it; None if that is not known."""
+    """The label's meaning to a platform: by its description, else the common one; None if it is not known."""
     entry = client.centre.member.directory.entry(unit)
     theirs = None if entry is None else entry.definitions.get(label)
     if theirs is not None:
@@ -48,7 +48,7 @@ def record_of(client: Client, unit: str, label: str, value: Value) -> Mapping[st
 
 
 def meanings(client: Client) -> dict[str, dict[SemanticLabel, list[str]]]:
-    """All semantic labels of the federation, by name: what each means, and to which platforms.
+    """All semantic labels of the federation, by name: each meaning, with the platforms that have it.
 
     A definition without platforms is this program's own, or one that every member has.
     """
@@ -62,7 +62,7 @@ def meanings(client: Client) -> dict[str, dict[SemanticLabel, list[str]]]:
 
 
 def differing(client: Client, label: str, units: Iterable[str]) -> str:
-    """How these platforms differ about what a label means, in words; empty if they do not."""
+    """The differences between these platforms' meanings of a label, in words; empty if there are none."""
     by_meaning: dict[SemanticLabel, list[str]] = {}
     for unit in units:
         meaning = meaning_to(client, unit, label)

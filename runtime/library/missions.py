@@ -40,7 +40,7 @@ AGAIN_S: Final = 0.5
 
 
 class MissionRequest(NamedTuple):
-    """What is to be flown, in one of four degrees: goals only, with constraints, with some actions, with all of them.
+    """A wanted mission, in one of four degrees: goals only, with constraints, with some actions, with all of them.
 
     Attributes:
         name: of the mission; empty: one is made.
@@ -82,7 +82,7 @@ def begin_mission(
 
     Args:
         client: of a command centre.
-        wanted: what is to be flown.
+        wanted: the mission to fly.
         to: the platform that leads it; of several, or with `consent`, the one that proposes it at the least cost. Empty: that
             of the first unit.
         consent: shown the proposals, the cheapest first; whether that is to be flown.
@@ -134,7 +134,7 @@ def agreed(client: Client, leader: str, content: FlyMission) -> Job[Dialogue]:
 
 
 def _is_starting(failure: DyknowError) -> bool:
-    """Whether the platform has yet to hear from its vehicle where home is: what has just been started soon does."""
+    """Whether the platform does not yet know its vehicle's home: one that has just started soon does."""
     return isinstance(failure, Refused) and failure.code == "no-origin"
 
 
@@ -222,7 +222,7 @@ def _asked(client: Client, unit: str, content: PermitMission | ControlMission | 
 
 
 def listed_missions(client: Client) -> Job[list[tuple[str, MissionEntry]]]:
-    """The missions of all platforms, each with the platform that leads it; those that are over come last."""
+    """The missions of all platforms, each with the platform that leads it; ended ones come last."""
     yield from platforms(client)
     leading = [unit for unit in client.pick(None) if _leads(client, unit)]
     found = yield from lists(client, leading, MissionQuery(), MissionList)
@@ -249,7 +249,7 @@ def find_mission(client: Client, name: str | None) -> Job[tuple[str, MissionEntr
 
 
 class AbortedMission(NamedTuple):
-    """What became of ending a mission: the platforms where it is over, and why it may continue at others, by platform."""
+    """The result of aborting a mission: where it is over, and why it may continue elsewhere, by platform."""
 
     name: str
     ended: tuple[str, ...]

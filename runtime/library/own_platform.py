@@ -31,7 +31,7 @@ class StreamAlarm(NamedTuple):
         monitor: its name.
         units: which platforms it is about; empty for a formula over streams of one's own.
         valid_us: the state that shows it, federation time; `detected_us` is when it was found.
-        values: of what the formula compares, by label.
+        values: the compared values, by label.
     """
 
     event: str
@@ -114,7 +114,7 @@ class OwnPlatform:
     Attributes:
         alarms: alarms of its monitors, to be iterated.
         samples: (stream, valid time, value) of the streams that it declares with `stream`, to be iterated.
-        notes: what it would log, to be iterated.
+        notes: its notes for a log, to be iterated.
     """
 
     def __init__(self, config: NodeConfig) -> None:
@@ -234,7 +234,7 @@ class OwnPlatform:
             self._texts = texts
 
     def _answer(self) -> Mapping[str, Any]:
-        """What came of the specification: where no thread steps the platform, it is stepped here."""
+        """The answer to a specification: where no thread steps the platform, it is stepped here."""
         if self._thread is not None:
             answer = self._answers.get(_ANSWER_S)
         else:

@@ -1,4 +1,4 @@
-"""Samples that a program pushes into its own platform, checked in the program: what is wrong ends no thread of the platform."""
+"""Samples that a program pushes into its own platform, checked there: a wrong one ends no thread of the platform."""
 
 from typing import Any, NamedTuple
 

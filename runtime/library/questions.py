@@ -18,7 +18,7 @@ from runtime.configuration.instants import instant_us
 
 LOOK_S = 1.0
 GRACE_S = 0.2
-"""For those that answer later than the first."""
+"""For platforms that answer later than the first."""
 
 
 class Which(NamedTuple):
@@ -94,7 +94,7 @@ def check_name(label: str) -> None:
 
 
 def check_streamed(label: str) -> None:
-    """Raises WrongCall for a platform's own label, NameRefused for what is none: streams have semantic labels."""
+    """Raise WrongCall for a platform's own label, NameRefused for a text that is none: streams have semantic labels."""
     if is_own_label(label):
         raise WrongCall(
             f"{label} is what a platform's own instance calls a stream: dyknow query {label} has its samples; to have it "
@@ -109,7 +109,7 @@ def is_own_label(label: str) -> bool:
 
 
 def ask_who_is_missing(client: Client, units: Iterable[str]) -> list[Dialogue]:
-    """Ask these platforms which ones they miss: one that timed out before this client came is unknown to it."""
+    """Ask these platforms which ones they miss: a platform that timed out before this client came is unknown to it."""
     return [client.say(unit, Performative.QUERY_REF, Search(), within_s=LOOK_S) for unit in units]
 
 
@@ -149,7 +149,7 @@ def age_of(client: Client, unit: str, label: str, valid_us: int, answered_us: in
 def is_stale(client: Client, age_us: int, period_us: int) -> bool:
     """Whether a sample is older than its policy allows: three periods, and a second by the wall.
 
-    Ages and periods are of federation time. What has no period comes only when it changes, and is not stale.
+    Ages and periods are of federation time. A stream without a period has samples only on changes, and is not stale.
     """
     return period_us > 0 and age_us > max(3 * period_us, round(US_PER_S * client.centre.clock.speed))
 
@@ -174,7 +174,7 @@ def check_label(client: Client, label: str, *, answered: bool) -> None:
 
 
 def receiver_of(client: Client, content: Content, to: str | None) -> str:
-    """The platform to delegate `content` to. One that has left may be requested to rejoin.
+    """The platform to delegate `content` to. A platform that has left may be requested to rejoin.
 
     Raises:
         WrongCall: it was not named, and there are several.

@@ -1,4 +1,4 @@
-"""What a federation answers, as a program reads it. Instants are microseconds of federation time."""
+"""Answers of a federation, as a program reads them. Instants are microseconds of federation time."""
 
 from collections.abc import Mapping, Sequence
 from datetime import timedelta
@@ -18,7 +18,7 @@ if TYPE_CHECKING:
     from pandas import DataFrame
 
 MOST_ROWS, LONGEST_CELL = 50, 200
-"""What a notebook shows of an answer."""
+"""Most rows and characters of a cell that a notebook shows."""
 _DEGREES = {"latitude_deg": (0, "north"), "longitude_deg": (1, "east")}
 _SQUARES = {"_m_s2": "m2_s4", "_m_s": "m2_s2", "_m": "m2", "_deg": "deg2", "_rad": "rad2", "_s": "s2"}
 
@@ -112,7 +112,7 @@ class QueryResult(Sequence[UnitSample]):
         return pd.DataFrame(rows, index=pd.Index(times, name="valid"))
 
     def _repr_html_(self) -> str:
-        """A table for notebooks; whatever platforms send is text in it."""
+        """A table for notebooks; texts of platforms are escaped."""
         shown = self._samples[:MOST_ROWS]
         fields = list(dict.fromkeys(name for each in shown for name in each.value))
         head = "".join(f"<th>{escape(name)}</th>" for name in ("unit", "label", "valid", *fields))

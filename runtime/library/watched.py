@@ -17,7 +17,7 @@ TakeSample: TypeAlias = Callable[[str, StreamSample, int], None]
 
 
 class WatchedStreams:
-    """What takes imported samples, by semantic label and policy hash."""
+    """The consumers of imported samples, by semantic label and policy hash."""
 
     def __init__(self, client: Client) -> None:
         self._client = client

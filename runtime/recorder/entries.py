@@ -1,4 +1,4 @@
-"""What platforms report, as a recording has it."""
+"""Reports of platforms, as a recording has them."""
 
 from collections.abc import Mapping
 from typing import Any

@@ -1,7 +1,7 @@
 """A federation live in Foxglove: the channels and messages of a recording, over its WebSocket protocol.
 
-A client may watch and do nothing else. Of what is sent seldom each client gets the newest when it subscribes: platforms,
-monitors, tasks, and the alarms that are open.
+A client may watch and do nothing else. Of rare topics each client gets the newest messages when it subscribes:
+platforms, monitors, tasks, and the alarms that are open.
 """
 
 import json
@@ -16,7 +16,7 @@ from runtime.recordings.recording_file import ALARM, LONGEST_MESSAGE, MONITOR, M
 MOST_KEPT: Final = 1024
 """Messages that are kept for clients to come."""
 _BACKLOG: Final = 4096
-"""Messages that wait for a client; of one that is slower the oldest are left out."""
+"""Messages that wait for a client; for a slower client the oldest are left out."""
 _TIME_US: Final = 100_000
 ORIGINS: Final = ("https://app.foxglove.dev", "https://studio.foxglove.dev", "file://")
 """Foxglove in a browser, and on the desktop; other pages may not connect."""
@@ -28,7 +28,7 @@ class LiveServer:
     Args:
         host: the address that is listened at.
         port: 0 for any that is free.
-        name: what clients show.
+        name: the server's name, which clients show.
         now_us: federation time, which clients are notified.
 
     Attributes:
@@ -134,7 +134,7 @@ class LiveServer:
 
 
 def _lasting(schema: str, message: Mapping[str, Any]) -> list[tuple[str, bool]]:
-    """What of a message holds until something else is sent by that name, and whether it is over with this message."""
+    """The names under which a message holds until the next of that name, and whether each is over with this message."""
     match message:
         case {"unit": str(unit), "labels": list()} if schema == PLATFORM:
             return [(unit, False)]
@@ -153,7 +153,7 @@ def _lasting(schema: str, message: Mapping[str, Any]) -> list[tuple[str, bool]]:
 
 
 class _Subscribers:
-    """What the server calls back; clients may do nothing but subscribe."""
+    """The server's callbacks; clients may do nothing but subscribe."""
 
     def __init__(self, on_subscribed: Callable[[int, str], None]) -> None:
         self._on_subscribed = on_subscribed

@@ -32,7 +32,7 @@ class _Seen:
 
 
 class Pictures:
-    """Positions meet the altitude of their valid time; one that none comes for has the newest."""
+    """Positions meet the altitude of their valid time; a position without one has the newest."""
 
     def __init__(self, show: Picture) -> None:
         self._show = show

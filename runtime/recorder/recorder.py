@@ -1,7 +1,7 @@
-"""What a member of a federation keeps of it: streams, alarms, monitors, speech acts, tasks and the directory.
+"""A member's record of a federation: streams, alarms, monitors, speech acts, tasks and the directory.
 
 The member is the one that every command is (`runtime.client`): it asks each platform for its streams and subscribes to
-the rest, again whenever a platform is back. What one platform sends may fill its own share of the file only.
+the rest, again whenever a platform is back. A platform's messages may fill its own share of the file only.
 """
 
 from collections import Counter
@@ -59,7 +59,7 @@ P = Performative
 PERIOD_US: Final = 100_000
 """Of streams that are offered without a period."""
 BYTES_PER_S, BYTES_AT_ONCE = 500_000, 4_000_000
-"""What one platform may add to a recording."""
+"""The share of one platform in a recording."""
 LIST_US: Final = 10_000_000
 _LISTS: Final = (Monitors(), Tasks(), ImportList(), MissionQuery())
 _FLIGHT: Final = "flight"
@@ -116,7 +116,7 @@ class Recorder:
     Args:
         client: a member.
         file: takes what is recorded, such as a `RecordingFile`.
-        labels: the streams that are wanted; none: all that are offered.
+        labels: the wanted streams; none: all that are offered.
         every_us: their period; None: as they are offered.
         note: takes words for users, such as that a platform refuses a stream.
         list_us: how often monitors, tasks, imports and missions are asked for.
@@ -162,7 +162,7 @@ class Recorder:
         return list(self._peers)
 
     def step(self, within_s: float = _STEP_S) -> None:
-        """Take what comes within a moment, and ask for what does not come yet."""
+        """Take the messages of a moment, and ask for streams that do not come yet."""
         now_us = self._client.now_us()
         for view in self._client.centre.platforms():
             self._look_at(view, now_us)
@@ -286,7 +286,7 @@ class Recorder:
             self._pictures.on_sample(unit, label, value, sample)
 
     def _take(self, unit: str, content: Content) -> None:
-        """What a platform says of itself: of others it is not believed."""
+        """Take a platform's report about itself: about others it is not believed."""
         match content:
             case Alarm() if content.by == unit:
                 self._on_alarm(content)

@@ -1,6 +1,6 @@
-"""The newest of each platform and object, out of what a recorder takes, for formats that have one message a thing.
+"""The newest of each platform and object, from a recorder's messages, for formats that have one message a thing.
 
-Values come from other members: what is of another form than its label has, or lies outside the earth, is left out and counted.
+Values come from other members: a value without the form of its label, or outside the earth, is left out and counted.
 """
 
 import math
@@ -25,7 +25,7 @@ OBJECT_LABELS: Final = ("global-objects", "object-tracks", "believed-objects", A
 MOST_THINGS: Final = 1024
 """Platforms and objects; beyond that the one that has been silent for longest is forgotten."""
 _NOW_US: Final = 3_600_000_000
-"""What held longer ago than this, or will, is no news."""
+"""An older value, or one that far in the future, is no news."""
 _FRESH_US: Final = 3_000_000
 """Altitude, velocity and height that are older than this do not belong to a position."""
 

@@ -15,7 +15,7 @@ MOST_FILES: Final = 100
 
 
 def keep_encounter(directory: Path | None, unit: str, effect: KeepEncounter, note: Callable[[str], None]) -> None:
-    """Write the record of an encounter, where the platform has a directory for that; what fails is noted."""
+    """Write the record of an encounter, where the platform has a directory for that; a failure is noted."""
     if directory is None:
         return
     at = datetime.fromtimestamp(effect.since_us / 1e6, UTC)
@@ -40,5 +40,5 @@ def _make_room(directory: Path, unit: str) -> None:
 
 
 def _in_a_name(unit: str) -> str:
-    """What the name of a file may have of a name that others chose."""
+    """A name that others chose, as a part of a file's name."""
     return "".join(each if each.isalnum() or each == "_" else "_" for each in unit)[:40]

@@ -106,7 +106,7 @@ def log_entry(at_us: int, level: int, message: str, name: str) -> Json:
 
 
 def scene(*entities: Json, deleted: Sequence[Json] = ()) -> Json:
-    """What appears in the scene, and what goes from it."""
+    """A scene update: new entities, and deleted ones."""
     return {"deletions": [*deleted], "entities": [*entities]}
 
 

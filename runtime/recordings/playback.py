@@ -1,4 +1,4 @@
-"""A recording of a federation, played: what each of its platforms had, at its time, to a platform of that name.
+"""A recording of a federation, played: the data of each of its platforms, at its time, to a platform of that name.
 
 Federation time cannot be turned back, so all instants are moved by the same amount: a whole number of seconds, which
 keeps samples on the grids of their periods.
@@ -31,7 +31,7 @@ _MOST_LABELS = 256
 
 
 class Due(NamedTuple):
-    """What is played at `at_us`, moved: labels that are offered from then on, a sample, an act or an alarm."""
+    """An item to play at `at_us`, moved: labels that are offered from then on, a sample, an act or an alarm."""
 
     at_us: int
     what: OffersPlayed | PlayedSample | PlayedAct | AlarmEvent
@@ -44,10 +44,10 @@ def shift_us(first_us: int, from_us: int, begin_us: int) -> int:
 
 
 def schedule(recording: FederationRecording, unit: str, played: RecordedVehicle) -> Iterator[Due]:
-    """What is played of one platform, in the order of the file.
+    """The items to play of one platform, in the order of the file.
 
-    The labels are offered at once, so that monitors can be set up before anything is played. Of what lies before
-    `from_us` the beginning has the newest sample of each, and the alarms that were open.
+    The labels are offered at once, so that monitors can be set up before anything is played. The newest sample of each
+    stream before `from_us`, and the alarms that were open then, are played at the beginning.
     """
     begin_us, beginning_us = played.begin_us, played.first_us + played.from_us
     moved_us = shift_us(played.first_us, played.from_us, begin_us)
@@ -191,12 +191,12 @@ class Playback:
     """Posts what is due of one platform, from a thread of its own.
 
     Args:
-        played: what is played, and when.
+        played: the times of the recording to play.
         unit: the platform.
         post: takes events for the platform; must not block.
         now_us: federation time; `node_us` the node clock.
         speed: how much faster federation time runs than the waiting.
-        on_end: called once, from the thread, with what could not be read of the recording, or an empty text.
+        on_end: called once, from the thread, with the damage of the recording, or an empty text.
     """
 
     def __init__(

@@ -1,6 +1,7 @@
-"""A recording of a federation, read: what is in it, message by message, up to the cut in a file that was cut off.
+"""A recording of a federation, read: its messages, up to the cut in a file that was cut off.
 
-A file may come from anyone: what is too long, too deep or of another form ends the reading or is passed over, counted.
+A file may come from anyone: a message that is too long, too deep or of another form ends the reading or is passed over,
+counted.
 """
 
 import json
@@ -18,7 +19,7 @@ REMEDY: Final = "dyknow record FILE.mcap makes one"
 
 
 class RecordedMessage(NamedTuple):
-    """One message: when it was recorded (federation time), and what it is."""
+    """One message, with the time of its recording (federation time)."""
 
     at_us: int
     topic: str
@@ -33,7 +34,7 @@ class FederationRecording:
         about: whose it is: federation, clock, since when.
         is_whole: whether the last reading came to the end that its writer made.
         skipped: messages of the last reading that are none of ours.
-        unread: what the last reading left, since the file is cut off or damaged.
+        unread: the rest that the last reading left, since the file is cut off or damaged.
 
     Raises:
         WrongCall: there is no such file.
@@ -81,7 +82,7 @@ class FederationRecording:
 
     @property
     def unread_text(self) -> str:
-        """What the last reading left, in words; empty if that is nothing."""
+        """The unread rest, in words; empty if there is none."""
         return "" if self.unread is None else f"{self.path}, {self.unread}"
 
     def _records(self) -> Iterator[McapItem]:

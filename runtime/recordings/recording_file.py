@@ -49,7 +49,7 @@ class RecordingFile:
     """Takes messages; ends by itself when it is as large as it may be, or the disk is full.
 
     Args:
-        path: a new file; nothing that is there is written to, nor what a link there leads to.
+        path: a new file; an existing file is not written to, nor is the target of a link.
         about: whose recording it is.
         now_us: the clock by which it is flushed.
         most_bytes: how large the file may become, its index included.

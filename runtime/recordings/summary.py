@@ -1,4 +1,4 @@
-"""What is in a recording of a federation: platforms, streams and their gaps, alarms, acts, and what is missing."""
+"""The contents of a recording of a federation: platforms, streams and their gaps, alarms, acts, and losses."""
 
 from array import array
 from collections import Counter
@@ -48,7 +48,7 @@ class StreamSummary:
 
     Attributes:
         period_us: the median of the differences of its valid times; 0: fewer than two samples.
-        gaps: valid times between which samples lack, the first thousand. What came late is no gap.
+        gaps: valid times between which samples lack, the first thousand. A late sample is no gap.
     """
 
     unit: str
@@ -249,7 +249,7 @@ _TAKES: Final[Mapping[str, Callable[[RecordingSummary, RecordedMessage], bool]]]
 
 
 def about_of(federation: str, clock: Any, recorder: str, since_us: int) -> dict[str, str]:
-    """What a recording says of itself."""
+    """The metadata of a recording."""
     return {
         "federation": federation,
         "clock_epoch_us": str(clock.epoch_us),

@@ -26,7 +26,7 @@ NICENESS: Final = 5
 def found_record(
     request: Mapping[str, Any], stop: Callable[[], str], progress: Callable[[int], None] = lambda _nodes: None
 ) -> dict[str, Any]:
-    """Search: what the last line has; `stop` gives a reason to end, or nothing."""
+    """Search for a plan; returns the fields of the last line; `stop` gives a reason to end, or nothing."""
     try:
         if request.get("looking") is not None:
             return planned_record(request["looking"], stop)

@@ -88,7 +88,7 @@ class SearchWorkers:
             self._post(search_over(self._now_us(), search.number, last, took_us))
 
     def _read(self, search: RunSearch, process: "subprocess.Popen[str]") -> dict[str, Any]:
-        """What its lines come to."""
+        """The result in its lines."""
         assert process.stdin is not None  # noqa: S101  (it has both pipes)
         assert process.stdout is not None  # noqa: S101
         with suppress(OSError):

@@ -83,7 +83,7 @@ class Autopilot(SensedFlight):
         return self._through_air(sent, now_us)
 
     def on_bytes(self, data: bytes, peer: Peer, now_us: int) -> Sent:
-        """One datagram. What is malformed, foreign or meant for others is dropped."""
+        """One datagram. A message that is malformed, foreign or meant for others is dropped."""
         sent = self.on_time(now_us)
         if not self._through_air([(peer, data)], now_us):
             return sent
@@ -119,7 +119,7 @@ class Autopilot(SensedFlight):
         return system in {0, self.config.system_id} and getattr(message, "target_component", 0) in _COMPONENTS
 
     def _through_air(self, datagrams: Sent, now_us: int) -> Sent:
-        """What a silent or lossy radio lets pass, either way."""
+        """The datagrams that a silent or lossy radio lets pass, either way."""
         if not datagrams or self._faults.holds("silence", now_us):
             return []
         loss = self._faults.amount("packet-loss", now_us)

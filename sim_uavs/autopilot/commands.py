@@ -214,7 +214,7 @@ class Commands:
         return self._aim(PointMountOrder(radians(yaw_deg), -radians(pitch_deg)))
 
     def _turn_mount(self, order: FlightOrder) -> FlightAnswer:
-        """What came before the gimbal protocol: pitch, roll and yaw in degrees, the mode in the last parameter."""
+        """DO_MOUNT_CONTROL, before the gimbal protocol: pitch, roll, yaw in degrees; the mode in the last parameter."""
         pitch_deg, _, yaw_deg, _ = order.params
         if order.altitude_m != mavlink.MAV_MOUNT_MODE_MAVLINK_TARGETING:
             return FlightAnswer.OUT_OF_RANGE
@@ -238,7 +238,7 @@ class Commands:
     def _wind(self, order: FlightOrder) -> FlightAnswer:
         """By length as fast as the winch is set to, whatever speed is asked for; three of its actions are known.
 
-        What is no number fails; ArduCopter falls over.
+        A value that is no number fails; ArduCopter falls over.
         """
         hoist, (_, action, length_m, speed_m_s) = self._hoist(), order.params
         if hoist is None or not self._flight.settings.winch_type or not all(map(isfinite, order.params)):

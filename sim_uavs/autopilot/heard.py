@@ -1,4 +1,4 @@
-"""What the receivers of a vehicle pass on of other aircraft: ADSB_VEHICLE, and the messages of Open Drone ID."""
+"""Messages of a vehicle's receivers about other aircraft: ADSB_VEHICLE, and those of Open Drone ID."""
 
 from math import atan2, degrees
 from typing import Final

@@ -46,7 +46,7 @@ READ = frozenset(
 
 
 class Decoder:
-    """Frames to messages; what does not check out is counted and dropped."""
+    """Frames to messages; a frame with a wrong checksum is counted and dropped."""
 
     def __init__(self, version: int = 2) -> None:
         self._mav, self._version = mavlink.MAVLink(None), version

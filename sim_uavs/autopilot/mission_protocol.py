@@ -61,7 +61,7 @@ class _Upload(NamedTuple):
 
 
 class Missions:
-    """One vehicle's lists on the wire; what can be flown goes to `flight.items`, what it keeps to goes to `fence`."""
+    """One vehicle's lists on the wire; flown items go to `flight.items`, those of the fence to `fence`."""
 
     def __init__(self, flight: Flight, frame: LocalFrame, persona: Persona, fence: FlightFence) -> None:
         self._flight, self._frame, self._persona, self._fence = flight, frame, persona, fence

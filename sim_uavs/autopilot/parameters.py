@@ -20,7 +20,7 @@ class Parameters:
         return [self._told(index) for index in range(len(self._kinds))]
 
     def read(self, name: str, index: int) -> list[Message]:
-        """By name, or by index when that is not negative; what does not exist is not answered."""
+        """The parameter by name, or by index when that is not negative; an unknown one is not answered."""
         found = index if index >= 0 else self._index(name)
         return [self._told(found)] if found is not None and found < len(self._kinds) else []
 

@@ -1,4 +1,4 @@
-"""What sets ArduCopter 4.7, ArduCopter 3.3 and a PX4 multicopter apart on the wire: numbers of modes, firmware, habits."""
+"""Differences between ArduCopter 4.7, ArduCopter 3.3 and a PX4 multicopter on the wire."""
 
 import struct
 from collections.abc import Mapping
@@ -68,7 +68,7 @@ class Persona:
     unscheduled: frozenset[int] = frozenset()
 
     def name(self, mode: Mode) -> str:
-        """What the maker calls the mode."""
+        """The maker's name of the mode."""
         return self.names.get(mode, mode.value)
 
     def custom_mode(self, mode: Mode, *, taking_off: bool) -> int:

@@ -36,7 +36,7 @@ class AutopilotServer:
     a peer elsewhere: then that host, and no other, may speak to it as well.
 
     Attributes:
-        carried: cameras on its mount; what they find goes to `on_image`, which must not block.
+        carried: cameras on its mount; their images go to `on_image`, which must not block.
         hoist: a winch with a magnet.
         clock: how the vehicle's time follows `wall_us`; at speed 10 it flies ten times as fast.
 
@@ -145,7 +145,7 @@ class AutopilotServer:
 
 
 def together(sent: Sent) -> Iterator[tuple[tuple[str, int], bytes]]:
-    """What leaves in one go for one peer, in its order, in as few datagrams as an Ethernet frame allows: autopilots do so too."""
+    """The messages for one peer, in their order, in as few datagrams as an Ethernet frame allows, as autopilots do."""
     waiting: dict[tuple[str, int], bytes] = {}
     for peer, data in sent:
         before = waiting.get(peer, b"")

@@ -1,4 +1,4 @@
-"""What a vehicle tells of itself: one builder per MAVLink message, from one snapshot. SI turns into wire units here."""
+"""Telemetry of a vehicle: one builder per MAVLink message, from one snapshot. SI turns into wire units here."""
 
 from collections.abc import Callable, Mapping
 from math import cos, isfinite, nan, pi, sin
@@ -60,7 +60,7 @@ class Snapshot(NamedTuple):
 
 
 def _int32(value: float) -> int:
-    """What a C cast gives: out of range or not a number becomes the least integer."""
+    """The result of a C cast: out of range or not a number becomes the least integer."""
     return round(value) if isfinite(value) and _INT32_MIN <= value <= _INT32_MAX else _INT32_MIN
 
 
@@ -334,7 +334,7 @@ _STREAMS: Mapping[int, tuple[Builder, int]] = {
     mavlink.MAVLINK_MSG_ID_GIMBAL_DEVICE_ATTITUDE_STATUS: (gimbal_attitude, 1),
     mavlink.MAVLINK_MSG_ID_WINCH_STATUS: (winch_status, 2),
 }
-"""What builds each message, and every how many ticks of 100 ms it is sent unasked (0: never)."""
+"""The builder of each message, and every how many ticks of 100 ms it is sent unasked (0: never)."""
 BUILDERS: Mapping[int, Builder] = {kind: build for kind, (build, _) in _STREAMS.items()}
 
 

@@ -16,7 +16,7 @@ _STEP_S: Final = STEP_US / 1e6
 _LONGEST_STEPS: Final = 1500
 _RESTS_M_S: Final = 0.05
 _BOUNCES_M_S: Final = 0.5
-"""What meets the ground more slowly stays on it."""
+"""A body that meets the ground more slowly stays on it."""
 
 Place: TypeAlias = tuple[float, float, float]
 

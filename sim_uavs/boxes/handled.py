@@ -1,7 +1,7 @@
-"""Where all boxes and carriers are: a function of where they were put, of the seed, and of what was done with them. Pure.
+"""Places of all boxes and carriers: a function of their first places, of the seed, and of the handlings. Pure.
 
-What is done with a thing is a `Handling`. All processes of a federation fold the same list of them, in its order, into the
-same world: the first that takes a thing has it, and what is let go falls for each of them in the same way.
+A change to a thing is a `Handling`. All processes of a federation fold the same list of them, in its order, into the
+same world: the first that takes a thing has it, and a thing that is let go falls for each of them in the same way.
 """
 
 from collections.abc import Iterable, Sequence
@@ -16,7 +16,7 @@ from sim_uavs.boxes.bodies import BUILDS, STEP_US, Air, BodyBuild, Place, Surfac
 from sim_uavs.dynamics.slung import Thing
 
 SILENT_US: Final = 3 * US_PER_S
-"""A UAV that carries a thing notes where, now and then; one that has not done so for that long has lost it."""
+"""A UAV that carries a thing notes its place, now and then; after so long without a note it has lost the thing."""
 _SLOTS: Final = ((-0.6, -0.6), (0.6, -0.6), (-0.6, 0.6), (0.6, 0.6))
 _FALLS_RNG: Final = 41  # keeps the generators of falls apart from others of the same seed
 
@@ -81,7 +81,7 @@ class Placed(NamedTuple):
 
 
 class _State(NamedTuple):
-    """What holds of a thing since the last handling that changed it."""
+    """The state of a thing since the last handling that changed it."""
 
     place: Place
     holder: str | None = None
@@ -109,7 +109,7 @@ class BoxWorld:
         self._now_us = 0
 
     def on_handling(self, handling: Handling) -> bool:
-        """Take the next of the list; whether it was possible. One that was not changes nothing."""
+        """Take the next of the list; whether it was possible. An impossible one changes nothing."""
         thing = self.things.get(handling.thing)
         if thing is None or not handling.is_sound:
             return False
@@ -130,14 +130,14 @@ class BoxWorld:
         return True
 
     def at(self, now_us: int) -> list[Placed]:
-        """All things; what hangs from a UAV is where that noted it last."""
+        """All things; a thing that hangs from a UAV is at the place that the UAV noted last."""
         if now_us > self._now_us + SILENT_US:
             self._now_us = now_us - SILENT_US
             self._lose()
         return list(starmap(self._placed, ((thing, now_us) for thing in self.things.values())))
 
     def load_kg(self, name: str) -> float:
-        """The mass of a thing with what stands on it."""
+        """The mass of a thing with the things on it."""
         onto = sum(BUILDS[self.things[other].kind].mass_kg for other, each in self._states.items() if each.on == name)
         return BUILDS[self.things[name].kind].mass_kg + onto
 
@@ -162,7 +162,7 @@ class BoxWorld:
         return bool(state.path) and now_us < state.since_us + (len(state.path) + 1) * STEP_US
 
     def _lose(self) -> None:
-        """What is not carried any longer falls from where it was last."""
+        """Things that are no longer carried fall from their last place."""
         for name, state in list(self._states.items()):
             if state.holder is not None and self._now_us - state.heard_us > SILENT_US:
                 self._let_go(self.things[name], state.place, (0.0, 0.0, 0.0), state.heard_us + SILENT_US)
@@ -198,7 +198,7 @@ def _is_over(deck: Placed, place: Place) -> bool:
 
 
 def within_reach(placed: Sequence[Placed], hook: Place, reach_m: float) -> Placed | None:
-    """What the magnet of a hook takes: the nearest thing that stands still and that the hook touches."""
+    """The thing that the magnet of a hook takes: the nearest one that stands still and that the hook touches."""
     near = [
         (hypot(each.place[0] - hook[0], each.place[1] - hook[1]), number)
         for number, each in enumerate(placed)

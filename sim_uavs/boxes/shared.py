@@ -1,7 +1,7 @@
-"""The list of what was done with things, shared by the processes of a federation on one machine: a file that only grows.
+"""The list of handlings, shared by the processes of a federation on one machine: a file that only grows.
 
-Each line is one handling, appended in one write, so that no process sees a part of one, and all see the same order. What a
-process that dies carried falls.
+Each line is one handling, appended in one write, so that no process sees a part of one, and all see the same order. A
+thing that a dying process carried falls.
 """
 
 import json
@@ -22,7 +22,7 @@ class HandlingLog(Protocol):
         """Put it after those that are there."""
 
     def news(self) -> list[Handling]:
-        """Those that this reader has not seen."""
+        """The handlings that this reader has not seen."""
 
 
 class HandlingList:
@@ -108,7 +108,7 @@ class SharedBoxes:
 
 
 class BoxesOnGround:
-    """The things that cameras see: what hangs from a line is too near below to be in an image."""
+    """The things that cameras see: a thing on a line is too near below to be in an image."""
 
     def __init__(self, boxes: SharedBoxes) -> None:
         self._boxes = boxes

@@ -1,6 +1,6 @@
 """A winch with an electromagnet at the end of its line, on one simulated UAV. Stepped with the flight; no protocol.
 
-The line is let out and wound in; what the magnet holds hangs on it, swings, and stands on the ground when the line is
+The line is let out and wound in; a thing on the magnet hangs on it, swings, and stands on the ground when the line is
 slack. A magnet that is on takes what it touches.
 """
 
@@ -42,10 +42,10 @@ class MagnetHoist:
 
     Attributes:
         rate_m_s: the fastest that the line moves.
-        faults: what is wrong with it.
+        faults: its faults.
         line_m, speed_m_s: of the line; positive: it is let out.
         magnet: whether it is on.
-        held: what hangs on it.
+        held: the thing on its magnet.
     """
 
     def __init__(self, name: str, boxes: SharedBoxes, home: tuple[float, float] = (0.0, 0.0), seed: int = 0) -> None:
@@ -63,7 +63,7 @@ class MagnetHoist:
 
     @property
     def load_kg(self) -> float:
-        """What hangs on the line; 0 while it is slack."""
+        """The mass on the line; 0 while it is slack."""
         return 0.0 if self.held is None or self._is_slack else self._boxes.world.load_kg(self.held)
 
     def relax(self) -> None:
@@ -83,7 +83,7 @@ class MagnetHoist:
         self.magnet = True
 
     def release(self, now_us: int) -> None:
-        """Switch the magnet off: what it holds falls."""
+        """Switch the magnet off: its thing falls."""
         self.magnet = False
         self.drop(now_us)
 
@@ -121,7 +121,7 @@ class MagnetHoist:
         return self._home[0] + body.position.east, self._home[1] + body.position.north, body.height_m - self.line_m
 
     def _take(self, body: Body, now_us: int) -> None:
-        """What the hook touches, if no other has taken it meanwhile."""
+        """Take the thing that the hook touches, if no other has taken it meanwhile."""
         found = within_reach(self._boxes.at(now_us), self._hook(body), REACH_M)
         if found is None or not self._boxes.do(Handling(now_us, "take", found.thing.name, self.name, found.place)):
             return

@@ -1,5 +1,5 @@
 """A colour and a thermal camera on a pan-tilt mount of a simulated UAV, over simulated roads and boxes.
 
-What they find is noisy, now and then wrong or overlooked, hidden by what stands between. Put on the ground, fused and
-tracked it is a stream of percepts, in whose place the percepts of a real detector can be.
+Their detections are noisy, now and then wrong or missing, hidden by obstacles. Put on the ground, fused and tracked it
+is a stream of percepts, in whose place the percepts of a real detector can be.
 """

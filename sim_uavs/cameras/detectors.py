@@ -1,4 +1,4 @@
-"""Simulated detectors: what is found in the images of a colour and of a thermal camera. Pure; the generator is an argument."""
+"""Simulated detectors in the images of a colour and of a thermal camera. Pure; the generator is an argument."""
 
 from collections.abc import Iterable, Sequence
 from math import exp, radians
@@ -93,7 +93,7 @@ class Obstacle(NamedTuple):
 def in_view(
     camera: Intrinsics, pose: CameraPose, states: Iterable[SeenT], obstacles: Sequence[Obstacle]
 ) -> list[tuple[SeenT, Pixel, float]]:
-    """What the camera sees: the pixel of the middle of the lower side, and the length in the image, pixels."""
+    """The objects in the camera's view: the pixel of the middle of the lower side, and the length in pixels."""
     seen = []
     for state in states:
         place = np.array([state.y_m, state.x_m, -state.bottom_m])
@@ -116,7 +116,7 @@ def detect(
     obstacles: Sequence[Obstacle],
     rng: Generator,
 ) -> list[Detection]:
-    """What the detector of one camera finds in one image, true and false, in no order that tells which is which."""
+    """The detections of one camera in one image, true and false, in random order."""
     intrinsics, noise = camera
     width_px, height_px = intrinsics[:2]
     found = []
@@ -137,7 +137,7 @@ def detect(
 
 
 def _attributes(state: Visible, likeness: float | None, noise: DetectorNoise, rng: Generator) -> dict[str, str | float]:
-    """The colour, if the camera sees colours, and the score of what may look like a person."""
+    """The colour, if the camera sees colours, and the score of a body that may look like a person."""
     found: dict[str, str | float] = {"colour": _colour(state.colour, noise, rng)} if noise.colour_right else {}
     if likeness is not None:
         found[PERSON] = min(max(likeness + SCORE_SD * float(rng.standard_normal()), 0.0), 1.0)

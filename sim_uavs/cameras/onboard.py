@@ -1,4 +1,4 @@
-"""The cameras of a simulated UAV in flight: what their detectors find in the images of the instant, 25 times a second. Pure."""
+"""The cameras of a simulated UAV in flight: their detections in the images of the instant, 25 times a second. Pure."""
 
 from collections.abc import Mapping, Sequence
 from typing import Protocol
@@ -12,7 +12,7 @@ from sim_uavs.cameras.detectors import CameraModel, Obstacle, Visible, detect
 
 
 class Scene(Protocol):
-    """What is on the ground."""
+    """The objects on the ground."""
 
     def at(self, now_us: int) -> Sequence[Visible] | None:
         """At a time (federation time); None: it is not known yet."""
@@ -22,9 +22,9 @@ class OnboardCameras:
     """Cameras on one mount.
 
     Args:
-        scene: what there is to be seen.
+        scene: the objects on the ground.
         offset_m: (3,), the vehicle's home from the origin of the scene, NED.
-        obstacles: what hides it.
+        obstacles: the obstacles in front of them.
     """
 
     def __init__(
@@ -39,7 +39,7 @@ class OnboardCameras:
         self._rng, self._obstacles = rng, obstacles
 
     def image(self, now_us: int, position: Sequence[float], heading: Attitude, mount: PanTilt) -> ImageReport | None:
-        """What is found, the vehicle being there (NED of its home); None: the scene is not known yet at that time."""
+        """The detections, the vehicle being there (NED of its home); None: the scene is not known yet at that time."""
         states = self._scene.at(now_us)
         if states is None:
             return None

@@ -1,7 +1,7 @@
 """The cameras of one UAV: mount, detectors, camera state, fusion and tracker; images at 25 Hz in, percepts out.
 
-The truth (where the vehicle and the cars really are) makes the images. What is done with the images knows only the platform's
-fused position, its attitude and the angles that the mount reports. Pure; time is an argument.
+The truth (where the vehicle and the cars really are) makes the images. The processing of images knows only the
+platform's fused position, its attitude and the angles that the mount reports. Pure; time is an argument.
 """
 
 from collections.abc import Sequence
@@ -26,8 +26,8 @@ class CameraPayload:
 
     Args:
         frame: of north, east, down; percepts are metres east and north of its origin.
-        obstacles: what hides vehicles.
-        ground: what the platform takes the ground to be; the truth is level, at `down_m` = 0.
+        obstacles: the obstacles that hide vehicles.
+        ground: the platform's model of the ground; the truth is level, at `down_m` = 0.
     """
 
     def __init__(

@@ -32,7 +32,7 @@ class PassingTraffic:
         self._heard_us = 0
 
     def heard(self, now_us: int, faults: ActiveFaults, own: Vector) -> list[PassingAircraft]:
-        """What is received now; empty between two broadcasts."""
+        """The aircraft received now; empty between two broadcasts."""
         if now_us < self._heard_us:
             return []
         self._heard_us = now_us - now_us % US_PER_S + US_PER_S

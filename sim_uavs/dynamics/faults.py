@@ -1,4 +1,4 @@
-"""Faults on demand: text <-> fault, how long each holds, and what it does to a reading. Pure.
+"""Faults on demand: text <-> fault, how long each holds, and its effect on a reading. Pure.
 
 `gps-loss`, `frozen-position`, `nan`, `silence` and `clock-stop` (its clocks stand still while it holds, and are behind from then
 on, as those of a simulation on a busy machine) take no amount; `packet-loss=30` (per cent, each way), `clock=+5s`,
@@ -174,7 +174,7 @@ class ActiveFaults:
 
 
 def spoil(reading: GpsReading, last: GpsReading | None, faults: ActiveFaults, now_us: int) -> GpsReading | None:
-    """What the position sensor reports under the faults that hold; None: nothing, it has no fix."""
+    """The reading of the position sensor under the active faults; None: it has no fix."""
     if faults.holds("gps-loss", now_us):
         return None
     if faults.holds("nan", now_us):
@@ -207,14 +207,14 @@ def parse_scheduled(text: str) -> tuple[str, ScheduledFault]:
     """The unit and its fault.
 
     Raises:
-        TextError: it is none, and what would be.
+        TextError: it is none; with the form of one.
     """
     unit, _, rest = text.strip().partition(" ")
     return unit, parse_fault_at(rest)
 
 
 def parse_fault_at(text: str) -> ScheduledFault:
-    """What `str(scheduled)` writes; raises TextError."""
+    """Read the text of `str(scheduled)`; raises TextError."""
     match text.split():
         case [fault, "at", when]:
             lasts = None
@@ -262,7 +262,7 @@ class FaultSchedule:
         self._since_us: dict[str, int] = {"start": now_us}
 
     def due(self, now_us: int, *, is_armed: bool, holds: bool) -> list[tuple[SimulatedFault, int | None]]:
-        """Those that begin now, and until when they last."""
+        """The faults that begin now, and until when they last."""
         if not self._waiting:
             return []
         for name, is_so in (("arm", is_armed), ("load", holds)):

@@ -1,4 +1,4 @@
-"""The fence of a simulated vehicle: polygons and circles, a place outside, and what the autopilot does there. Pure.
+"""The fence of a simulated vehicle: polygons and circles, a place outside, and the autopilot's reaction there. Pure.
 
 ArduCopter flies home when it has left its fence; PX4 does what GF_ACTION says. Both check the place of an order, not the way.
 """
@@ -40,7 +40,7 @@ class _LocalArea(NamedTuple):
 
 
 class FlightFence:
-    """The areas of one flight, and what happens outside of them.
+    """The areas of one flight, and the reaction outside of them.
 
     Attributes:
         areas: inclusions and exclusions, degrees.

@@ -1,7 +1,7 @@
 """The flying part of an autopilot: modes, arming, targets, missions, failsafes. Pure, stepped in 20 ms.
 
-It knows metres north, east and down of its home and no protocol. Orders are answered at once with `Answer`; what
-happens later on its own is reported in `events`.
+It knows metres north, east and down of its home and no protocol. Orders are answered at once with `Answer`; later
+changes on its own are reported in `events`.
 """
 
 from collections.abc import Callable
@@ -107,7 +107,7 @@ class Flight:
 
     Attributes:
         at_us: how far it has flown.
-        slung: what hangs below it, if anything can.
+        slung: the body below it, if it has a line.
         is_stuck: it does not leave the ground, whatever it is ordered.
         is_barred: whether a point lies outside of the areas of its fence.
         takes: how many times as long as usual it takes to get anywhere.
@@ -248,7 +248,7 @@ class Flight:
         return None if self.mode in GUIDED_MODES else FlightAnswer.NOT_GUIDED
 
     def take_events(self) -> list[Event]:
-        """What happened since the last call."""
+        """The events since the last call."""
         events, self.events = self.events, []
         return events
 

@@ -1,9 +1,10 @@
-"""What an autopilot does when its ground station is no longer heard, by its parameters. Pure.
+"""An autopilot's reaction, by its parameters, when its ground station is no longer heard. Pure.
 
 ArduCopter waits for the heartbeats of one system (`station_id`) and acts after `link_loss_s`, in every mode unless its
-options say otherwise; what it began it continues when the station is heard again. PX4 waits for those of any ground
-station, holds for `link_loss_wait_s` and acts then; a mission that it only held continues when a station is heard again. Its
-Hold is the mode in which it flies to places: to hold there stops nothing. A link that was never there is not lost.
+options say otherwise; it continues its reaction when the station is heard again. PX4 waits for those of any ground
+station, holds for `link_loss_wait_s` and acts then; a mission that it only held continues when a station is heard
+again. Its Hold is the mode in which it flies to places: to hold there stops nothing. A link that was never there is not
+lost.
 
 PX4's Offboard has a stream of targets to lose as well: two targets within `offboard_loss_s` are one.
 """
@@ -66,7 +67,7 @@ class LinkFailsafe:
             self._streams_us = now_us
 
     def report(self, valid_us: int) -> FailsafeReport:
-        """What it does, as the settings are now."""
+        """Its reaction, by the settings as they are now."""
         s = self._flight.settings
         actions, value = _PX4 if self._is_px4 else _ARDUCOPTER, int(s.link_loss_action)
         action = actions.get(value, _A.CARRY_ON)

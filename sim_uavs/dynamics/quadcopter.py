@@ -42,7 +42,7 @@ ZERO = Vector(0.0, 0.0, 0.0)
 
 
 class AirframeLimits(NamedTuple):
-    """What the airframe can do: a 2 kg quadcopter that hovers for about 25 minutes.
+    """The limits of the airframe: a 2 kg quadcopter that hovers for about 25 minutes.
 
     `response_s` is how fast its attitude loop turns an error of velocity into acceleration.
     """
@@ -61,7 +61,7 @@ class AirframeLimits(NamedTuple):
 
 
 def laden(limits: AirframeLimits, load_kg: float) -> AirframeLimits:
-    """What the airframe can do with a load on its line: the same thrust and power move more."""
+    """The limits of the airframe with a load on its line: the same thrust and power move more."""
     share = limits.mass_kg / (limits.mass_kg + load_kg)
     return limits._replace(
         climb_m_s=limits.climb_m_s * share,
@@ -179,7 +179,7 @@ def _next_velocity(
 def _within(
     north: float, east: float, down: float, most_horizontal: float, most_up: float, most_down: float
 ) -> tuple[float, float, float]:
-    """A velocity or acceleration, shortened to what the airframe can do horizontally, upwards and downwards."""
+    """A velocity or acceleration, shortened to the airframe's limits horizontally, upwards and downwards."""
     length = hypot(north, east)
     if length > most_horizontal:
         scale = most_horizontal / length

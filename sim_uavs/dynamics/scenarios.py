@@ -81,7 +81,7 @@ class SearchField(NamedTuple):
 
 
 class Scenario(NamedTuple):
-    """`streets`, `depot`, `field`: what the vehicles' cameras see; without any they carry none."""
+    """`streets`, `depot`, `field`: the objects for the vehicles' cameras; without any they carry none."""
 
     name: str
     units: tuple[Unit, ...]

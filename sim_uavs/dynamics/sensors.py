@@ -102,7 +102,7 @@ def read_imu(body: Body, bias: Vector, noise: ImuNoise, rng: Generator) -> ImuRe
 
 
 def specific_force(body: Body) -> Vector:
-    """What an accelerometer feels: acceleration less gravity, turned from NED into the body frame (m/s^2)."""
+    """The reading of an accelerometer: acceleration less gravity, turned from NED into the body frame (m/s^2)."""
     north, east, down = body.acceleration.minus(Vector(0.0, 0.0, GRAVITY_M_S2))
     forward = north * cos(body.yaw_rad) + east * sin(body.yaw_rad)
     right = east * cos(body.yaw_rad) - north * sin(body.yaw_rad)

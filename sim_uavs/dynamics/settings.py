@@ -1,4 +1,4 @@
-"""What a simulated vehicle is built from: where it stands, how it flies, what blows, how it errs. Pure data."""
+"""The configuration of a simulated vehicle: its place, its flight, the wind, the errors of its sensors. Pure data."""
 
 from dataclasses import dataclass, field
 from typing import Literal, NamedTuple, TypeAlias
@@ -24,9 +24,10 @@ class HomePlace(NamedTuple):
 
 @dataclass(slots=True)
 class VehicleSettings:
-    """What an operator may change in flight through the vehicle's parameters. Speeds m/s, heights m above home.
+    """The settings that an operator may change in flight through the vehicle's parameters. Speeds m/s, heights m above
+    home.
 
-    `battery_low_action`: what it does once when `battery_low` is reached in the air: 0 warns, 1 lands, 2 returns.
+    `battery_low_action`: its reaction, once, when `battery_low` is reached in the air: 0 warns, 1 lands, 2 returns.
     """
 
     cruise_m_s: float = 8.0

@@ -1,4 +1,4 @@
-"""What can hang below a vehicle: things, and a winch with a magnet as the flight, the autopilot and faults see it."""
+"""Loads below a vehicle: things, and a winch with a magnet as the flight, the autopilot and faults see it."""
 
 from typing import Literal, NamedTuple, Protocol, TypeAlias
 
@@ -8,7 +8,7 @@ ThingKind: TypeAlias = Literal["box", "carrier"]
 
 
 class Thing(NamedTuple):
-    """What can be lifted, and where it stands at first: metres east and north of the scenario's origin."""
+    """A thing that can be lifted, and its first place: metres east and north of the scenario's origin."""
 
     name: str
     kind: ThingKind
@@ -18,7 +18,7 @@ class Thing(NamedTuple):
 
 
 class HoistFaults(NamedTuple):
-    """What is wrong with a hoist: the magnet does not take hold; how far from below it a thing comes down that is let go."""
+    """The faults of a hoist: the magnet does not take hold; how far from below it a released thing comes down."""
 
     grips_nothing: bool = False
     misplaces_m: float = 0.0
@@ -30,7 +30,7 @@ class Hoist(Protocol):
     Attributes:
         line_m, speed_m_s: of the line that is out; positive: it is let out.
         rate_m_s: the fastest that it moves.
-        faults: what is wrong with it.
+        faults: its faults.
     """
 
     line_m: float
@@ -40,7 +40,7 @@ class Hoist(Protocol):
 
     @property
     def load_kg(self) -> float:
-        """What hangs on the line; 0 while it is slack."""
+        """The mass on the line; 0 while it is slack."""
 
     def relax(self) -> None:
         """Stop the motor."""
@@ -55,7 +55,7 @@ class Hoist(Protocol):
         """Switch the magnet on."""
 
     def release(self, now_us: int) -> None:
-        """Switch the magnet off: what it holds falls."""
+        """Switch the magnet off: its thing falls."""
 
     def drop(self, now_us: int) -> None:
         """Lose what is held."""

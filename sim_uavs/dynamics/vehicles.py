@@ -166,7 +166,7 @@ class SensedFlight:
             flight.set_mode(Mode.LOITER if taken else Mode.GUIDED)
 
     def _fail(self, now_us: int) -> None:
-        """What does not work while that holds; faults of the schedule begin."""
+        """Apply the active faults; faults of the schedule begin."""
         holds = self.hoist is not None and self.hoist.load_kg > 0.0
         for fault, until_us in self._schedule.due(now_us, is_armed=self.flight.armed, holds=holds):
             self.inject(fault, now_us, until_us)
@@ -178,7 +178,7 @@ class SensedFlight:
             self.hoist.rate_m_s = self.flight.settings.winch_m_s
 
     def _disobeys(self, now_us: int) -> FlightAnswer | None:
-        """What the autopilot answers without doing what it was ordered; None: it does it."""
+        """The autopilot's answer to an order that it does not carry out; None: it does."""
         result = self._faults.amount("refuse", now_us)
         if result is not None:
             return _REFUSALS[int(result)]
@@ -264,7 +264,7 @@ class SimulatedVehicle(SensedFlight):
         return [vehicle.WinchReport(stamp_us, hoist.line_m, abs(hoist.speed_m_s), hoist.load_kg, True, is_moving)]
 
     def _mounted(self, now_us: int, stamp_us: int) -> list[vehicle.Report]:
-        """What the place of a camera's image follows from, next to the position."""
+        """The attitude and mount angles that the place of a camera's image follows from, next to the position."""
         looking = self.looking(now_us)
         if looking is None or self.mount is None:
             return []
@@ -302,7 +302,7 @@ class SimulatedVehicle(SensedFlight):
         return [*found, self.fence.report(stamp_us)]
 
     def on_command(self, command: vehicle.Command, now_us: int, stamp_us: int) -> list[tuple[int, vehicle.Report]]:
-        """Carry out an order, or say why not: after how long the answer comes, and what it is.
+        """Carry out an order, or refuse it: the answer, and after how long it comes.
 
         An order whose acknowledgements are lost is repeated, as `proxies.mavlink.orders` does.
         """

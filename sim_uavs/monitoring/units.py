@@ -1,4 +1,4 @@
-"""What `traffic.kpl` takes from outside: the map of the scenario's streets."""
+"""The source of `traffic.kpl` from outside: the map of the scenario's streets."""
 
 from anchoring.traffic.units import road_units
 from sim_uavs.dynamics.scenarios import scenario

@@ -34,7 +34,7 @@ class Driver(NamedTuple):
         route: crossings in order, neighbours each; from the last one on, chance decides at every crossing.
         start_m: where it begins, from the rim of the first crossing.
         enters_us: when.
-        cruise_m_s: what it drives where nothing hinders; the limits of the road hold all the same.
+        cruise_m_s: its speed where nothing hinders; the limits of the road hold all the same.
         passes: whether it overtakes what is slower.
     """
 

@@ -1,4 +1,4 @@
-"""Road networks to simulate, as GeoJSON in a local frame: what `anchoring.roads` reads, and users can write themselves."""
+"""Road networks to simulate, as GeoJSON in a local frame, which users can write and `anchoring.roads` reads."""
 
 import json
 from collections.abc import Callable, Iterable, Mapping

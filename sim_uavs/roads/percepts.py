@@ -1,6 +1,6 @@
-"""Percepts as a camera's tracker would put them out: noisy positions of what is seen, with gaps, misses and clutter.
+"""Percepts as from a camera's tracker: noisy positions of visible vehicles, with gaps, misses and clutter.
 
-Each time something comes into view it is a new percept, as for a tracker that knows nothing of what it saw before.
+Each time a vehicle comes into view it is a new percept, as for a tracker without memory.
 """
 
 from collections.abc import Sequence

@@ -38,7 +38,7 @@ class Look(NamedTuple):
 
 
 class RoadRecording(NamedTuple):
-    """What a scene came to."""
+    """A simulated scene: its percepts and the truth."""
 
     name: str
     seed: int
@@ -75,7 +75,7 @@ def looks(scene: RoadScene, traffic_rng: Generator, seeing_rng: Generator) -> It
 
 
 def area_of(network: RoadNetwork, margin_m: float = 20.0) -> Area:
-    """What the network covers, and a margin around it."""
+    """The area of the network, and a margin around it."""
     xs = [x for link in network.links.values() for x, _ in link.line.points]
     ys = [y for link in network.links.values() for _, y in link.line.points]
     return min(xs) - margin_m, min(ys) - margin_m, max(xs) + margin_m, max(ys) + margin_m

@@ -63,7 +63,8 @@ class SimulatedTraffic:
     """All vehicles of a network, stepped every 20 ms.
 
     Args:
-        drivers: those on the road and those to enter it; one whose place is taken waits outside until it is free.
+        drivers: drivers on the road and those to enter it; a driver whose place is taken waits outside until it is
+            free.
         rng: decides at crossings beyond the ends of routes.
     """
 
@@ -77,7 +78,7 @@ class SimulatedTraffic:
         self._sort()
 
     def states(self) -> list[RoadState]:
-        """Of all that are on the road, in the order in which they entered."""
+        """The states of all vehicles on the road, in the order in which they entered."""
         return [user.state() for user in self._users]
 
     def advance(self, now_us: int) -> None:
@@ -141,7 +142,7 @@ class SimulatedTraffic:
         return None, inf
 
     def _acceleration(self, user: RoadUser) -> float:
-        """m/s^2, of the driver model: what the road, the next vehicle and the crossing ahead allow."""
+        """m/s^2, of the driver model, within the limits of the road, the next vehicle and the crossing ahead."""
         build, speed = user.build, user.speed_m_s
         wish, before_m = min(user.driver.cruise_m_s, user.legs[0].limit_m_s), user.left_m
         for leg in user.legs[1:]:

@@ -6,7 +6,7 @@ from typing import Any
 
 
 class Agenda:
-    """What is to happen, in order of time; what is due at one instant, in the order in which it was entered.
+    """Events to come, in order of time; those of one instant in the order in which they were entered.
 
     Attributes:
         now_us: the world's time. No platform sees it: each has a clock of its own.

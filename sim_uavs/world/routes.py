@@ -7,7 +7,7 @@ _ANY = "*"
 
 
 def _start(key_expr: str) -> tuple[str, str]:
-    """The two chunks that a key or an expression begins with; `*` for what an expression leaves open."""
+    """The two chunks that a key or an expression begins with; `*` for a chunk that an expression leaves open."""
     first, _, rest = key_expr.partition("/")
     second = rest.partition("/")[0]
     if _ANY in first:
@@ -35,7 +35,7 @@ class DeclaredRoutes:
             self._sessions.pop(start, None)
 
     def matching(self, key: str) -> dict[Session, None]:
-        """Those whose expressions match `key`."""
+        """The sessions whose expressions match `key`."""
         first, second = _start(key)
         found: dict[Session, None] = {}
         for start in ((first, second), (first, _ANY), (_ANY, _ANY)):

@@ -13,7 +13,7 @@ POLLS: Final = 2_000
 
 
 def searched(search: RunSearch, at_us: int) -> SearchOver:
-    """What a search comes to."""
+    """The result of a search."""
     polls = count()
 
     def stop() -> str:

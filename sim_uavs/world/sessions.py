@@ -12,7 +12,7 @@ class SessionLink(NamedTuple):
     """How one direction treats what passes. Times in microseconds, shares 0..1.
 
     Attributes:
-        delay_us: what everything takes; jitter_us: what it takes more, at most.
+        delay_us: the delay of every message; jitter_us: its greatest addition.
         loss, duplication: shares of messages.
         reordering: share that takes up to `late_us` longer, and is so overtaken.
     """
@@ -31,7 +31,7 @@ class SessionLink(NamedTuple):
 
 
 class Session:
-    """What one process has declared, and how it is reached.
+    """The declarations of one process, and its transports.
 
     Declarations are dictionaries: sets that keep their order. `routes` is where its puts on a key pass, as of
     `routes_version` of all subscriptions.
@@ -80,7 +80,7 @@ class Direction:
     Attributes:
         passes: whether a put gets through now.
         told: tokens of `by` that were reported to `to` as alive.
-        last_us: when the last message arrives: what is not reordered keeps its order.
+        last_us: when the last message arrives: messages that are not reordered keep their order.
         silent_since_us: since when the lease runs.
     """
 
@@ -111,7 +111,7 @@ class Direction:
 
 
 class Transport:
-    """What connects two sessions."""
+    """The connection of two sessions."""
 
     def __init__(self, one: Session, other: Session) -> None:
         self.one, self.other = one, other
@@ -131,7 +131,7 @@ class Transport:
         return not (self.there.is_silent or self.back.is_silent)
 
     def settle(self) -> None:
-        """What may pass after a change."""
+        """Recompute what may pass, after a change."""
         self.one.routes.clear()
         self.other.routes.clear()
         for direction in (self.there, self.back):

@@ -1,4 +1,4 @@
-"""What the simulated world is made of: units, each with a clock of its own."""
+"""The units of the simulated world, each with a clock of its own."""
 
 from collections.abc import Callable, Mapping, Sequence
 from dataclasses import dataclass, field
@@ -21,12 +21,12 @@ class DriftingClock:
         self._since_us, self._offset_us, self._ppb = now_us, offset_us, round(drift_ppm * 1000)
 
     def mislead(self, now_us: int, step_us: int = 0, drift_ppm: float = 0.0) -> None:
-        """From `now_us` on it is that much ahead of what it would have shown, and so much too fast."""
+        """From `now_us` on it is that much ahead of its earlier course, and so much too fast."""
         self._offset_us, self._since_us = self.node_us(now_us) + step_us - now_us, now_us
         self._ppb = round(drift_ppm * 1000)
 
     def node_us(self, now_us: int) -> int:
-        """What it shows at an instant of the world."""
+        """Its reading at an instant of the world."""
         if not self._ppb:
             return now_us + self._offset_us
         return now_us + self._offset_us + (now_us - self._since_us) * self._ppb // 1_000_000_000
@@ -73,9 +73,9 @@ class WorldNode:
         make: makes its process, given the identity of its session and the time (node clock).
         lives: all processes that have run under this name, the present one last.
         halted: why a process of it ended by itself.
-        notes: what its processes reported to the user.
-        told: what its specification produced.
-        kept: what it learnt; encounters: records of them.
+        notes: its processes' reports to the user.
+        told: the results of its specification.
+        kept: its learnt knowledge; encounters: records of them.
     """
 
     unit: str
@@ -99,7 +99,7 @@ class WorldNode:
     mailbox: Mailbox | None = None
 
     def keep(self, effect: Keep | KeepEncounter) -> None:
-        """What its process would keep in a file."""
+        """Keep a text that its process would write to a file."""
         if isinstance(effect, Keep):
             self.kept.append(effect)
         else:

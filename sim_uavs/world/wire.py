@@ -1,8 +1,8 @@
-"""A wire in a box: what Zenoh does for platforms, in one process, on a fake clock, from one seed.
+"""A wire in a box: Zenoh's service for platforms, in one process, on a fake clock, from one seed.
 
-Sessions put, subscribe, declare tokens and queryables and ask, as `federation.transport` says. Between each two of
-them lies a transport with two directions, each with a delay, jitter, loss, duplication and reordering of its own.
-What Zenoh does under faults (measured) is kept:
+Sessions put, subscribe, declare tokens and queryables and ask, as `federation.transport` says. Between each two of them
+lies a transport with two directions, each with a delay, jitter, loss, duplication and reordering of its own. Zenoh's
+behaviour under faults (measured) is kept:
 
 * a killed process resets its connections: its tokens go within milliseconds; behind a cut only with the lease;
 * a direction that is cut, or a process that stands still, ends the transport with the lease, both ways; it comes back
@@ -38,7 +38,7 @@ class Wire:
     Args:
         agenda: the world's time.
         random: the one generator of everything that is by chance here.
-        link: what every direction is like until `set_link` says otherwise.
+        link: the properties of every direction until `set_link` changes them.
         reach: whether two units are in radio range of each other, either way round; everybody is by default.
     """
 
@@ -85,7 +85,7 @@ class Wire:
         self._connect_all(session)
 
     def kill(self, unit: str) -> None:
-        """The process is gone, at once and without a word; what stood in its connections is lost."""
+        """The process is gone, at once and without a word; messages in its connections are lost."""
         session = self._sessions.pop(unit)
         session.alive = False
         self._routes.close(session)
@@ -102,7 +102,7 @@ class Wire:
         self._bury(session)
 
     def freeze(self, unit: str) -> None:
-        """The process stands still, its kernel continues: what is sent to it waits, nothing is sent by it."""
+        """The process stands still, its kernel continues: messages to it wait, it sends none."""
         session = self._sessions[unit]
         session.frozen = True
         for transport in session.transports.values():
@@ -117,7 +117,7 @@ class Wire:
     # -- obstacles ----------------------------------------------------------------------------------------------
 
     def set_link(self, sender: str, receiver: str, link: SessionLink) -> None:
-        """What the direction from `sender` to `receiver` is like from now on."""
+        """Set the properties of the direction from `sender` to `receiver` from now on."""
         self._links[sender, receiver] = link
         transport = self._between(sender, receiver)
         if transport is not None:

@@ -64,7 +64,7 @@ class World:
     """Units, their clocks and vehicles, and the wire between them.
 
     Args:
-        seed: of everything that is by chance.
+        seed: of all random choices.
         link, lease_us, reach: of the wire.
         trace: gets one line per event and effect, with its time.
         truth_us: how often true positions are noted; None: never.
@@ -171,7 +171,7 @@ class World:
         self._boot(node)
 
     def freeze(self, unit: str) -> None:
-        """Stop the process (SIGSTOP): what is sent to it waits in its sockets."""
+        """Stop the process (SIGSTOP): messages to it wait in its sockets."""
         node = self.nodes[unit]
         if node.process is not None and not node.frozen:
             node.frozen, node.due_us = True, None

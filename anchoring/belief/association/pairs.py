@@ -18,7 +18,7 @@ _WIDEST_GATE = 1e4
 
 
 class MeasuredPairs(NamedTuple):
-    """One continuous attribute: which pairs have it, None for all, and by what these differ."""
+    """One continuous attribute: the pairs that have it, None for all, and their innovations."""
 
     which: Indices | None
     innovations: Innovations
@@ -50,12 +50,12 @@ def all_pairs(table: InstanceTable, look: EncodedLook) -> Pairs:
 def gated_pairs(
     table: InstanceTable, look: EncodedLook, odds: Floats, faintest: float, most: int, negligible: float
 ) -> Pairs:
-    """Those whose positions are near enough; where no position was observed, or only an instance can have given what was,
-    every instance with every observation.
+    """Pairs whose positions are near enough; every instance with every observation, where no position was observed or
+    the observations can only come from instances.
 
     Args:
         table: the instances.
-        look: what was observed.
+        look: the encoded observations.
         odds: (N,) that an instance exists and is detected.
         faintest: the least intensity of births and clutter at any observation: a pair has at most the weight
             odds / (faintest sqrt(|2 pi S|)) exp(-v^T S^-1 v / 2), times the densities of other attributes at their highest,
@@ -130,7 +130,7 @@ def _weighed(
         else:
             log_likelihood[pairs.which] += pairs.innovations.log_likelihood
     for name, likely in look.categorical.items():
-        with np.errstate(divide="ignore"):  # what no value explains has no likelihood
+        with np.errstate(divide="ignore"):  # an observation that no value explains has no likelihood
             log_of = np.log(table.categorical[name].likelihood(rows, cols, likely.likelihood))
         log_likelihood += log_of if likely.among is None else np.where(likely.among[cols], log_of, 0.0)
     return Pairs(rows, cols, log_likelihood, measured)

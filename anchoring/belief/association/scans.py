@@ -1,9 +1,9 @@
 """Association of several observations of one time: each comes from one source, each instance gives at most one.
 
 Pairs within the gate are the edges of a bipartite graph, weighted by psi = r P_D L / ((1 - r P_D) lambda). Loopy belief
-propagation (Williams, Lau: "Approximate evaluation of marginal association probabilities") gives the marginals, which are
-exact for each connected part without a cycle. Of parts with cycles, all associations are summed where these are few: side by
-side of the graph, sums are kept for each set of what the smaller side has given so far.
+propagation (Williams, Lau: "Approximate evaluation of marginal association probabilities") gives the marginals, which
+are exact for each connected part without a cycle. In parts with cycles all associations are summed if they are few:
+side by side of the graph, with a sum for each set of used nodes of the smaller side.
 """
 
 from collections import defaultdict
@@ -142,7 +142,7 @@ def _others(values: Floats, index: Indices, count: int) -> Floats:
 
 
 def _core(rows: Indices, cols: Indices, count: int, observed: int) -> Flags:
-    """(E,) pairs on cycles or on paths between them: those which remain while ends are cut off."""
+    """(E,) pairs on cycles or on paths between them: the remaining ones when ends are cut off."""
     kept = np.ones(len(rows), dtype=np.bool_)
     before = len(rows) + 1
     while before > (before := int(np.count_nonzero(kept))) > 0:

@@ -155,7 +155,7 @@ def _categorical(name: str, table: TomlTable) -> CategoricalAttribute:
 def _check_thresholds(
     table: TomlTable, create: float, drop: float, prior: float, oldest: float, ageing_s: float
 ) -> None:
-    """What is created must neither be dropped at once, nor be there from the beginning, nor stay for ever."""
+    """A created attribute must neither be dropped at once, nor exist from the beginning, nor stay for ever."""
     if drop >= create:
         message = (
             f"drop is {drop:g}, and has to be below create, {create:g}: without a gap between them it would come and go"

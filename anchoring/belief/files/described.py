@@ -13,7 +13,7 @@ from dyknow.model.errors import TextError, TextErrors, WrongCall
 
 
 class DescribedWorld(NamedTuple):
-    """What there may be, and what is known of it before; `digest` of the texts distinguishes it from others."""
+    """A model and its prior knowledge; `digest` of the texts distinguishes it from others."""
 
     model: WorldModel
     bundles: tuple[KnowledgeBundle, ...] = ()
@@ -25,7 +25,7 @@ def read_world(files: tuple[tuple[str, str], ...]) -> DescribedWorld:
     """Of some files, each its path and its text: first the model, then prior knowledge.
 
     Raises:
-        TextErrors: everything that is wrong with one of them, or two bundles contradict each other.
+        TextErrors: the errors of one of them, or two bundles contradict each other.
     """
     (path, text), *others = files
     model = read_world_model(text, path)

@@ -1,4 +1,4 @@
-"""Bundles of prior knowledge from TOML. What contradicts itself or the model is refused when it is read."""
+"""Bundles of prior knowledge from TOML. A contradiction within it, or to the model, is refused when it is read."""
 
 from typing import Final
 
@@ -31,7 +31,7 @@ def read_knowledge(text: str, model: WorldModel, file: str = "") -> KnowledgeBun
     """One bundle, for a model.
 
     Raises:
-        TextErrors: everything that is wrong with it.
+        TextErrors: every error in it.
     """
     source = TomlText(text, file)
     root = source.root(EXAMPLE)
@@ -108,7 +108,7 @@ def _rules(root: TomlTable, model: WorldModel, classes: dict[str, KnownClass]) -
 
 
 def _check_usual(root: TomlTable, classes: dict[str, KnownClass], rules: list[ClassRule]) -> None:
-    """What is usual of a class obeys its rules."""
+    """The usual attributes of a class must obey its rules."""
     for name, table in root.tables("classes").items():
         usual = KnownInstance(name, classes[name].gaussian, classes[name].categorical)
         for rule in rules:
@@ -186,7 +186,7 @@ def _disobeys(known: KnownInstance, rule: ClassRule) -> bool:
 
 
 def print_known(known: KnownInstance, model: WorldModel) -> str:
-    """What was learnt, as `read_knowledge` reads it."""
+    """Learnt knowledge, as `read_knowledge` reads it."""
     lines = ["[[known]]", f'id = "{known.name}"']
     for name, shares in known.categorical.items():
         values = model.types.names if name == TYPE else model.attributes[name].values  # type: ignore[union-attr]

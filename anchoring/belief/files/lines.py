@@ -49,7 +49,7 @@ class ObservationReader:
 
     Args:
         file: its name, for errors.
-        model: what may be observed.
+        model: declares sensors and attributes.
         on_error: takes what is wrong with a line that is left out.
     """
 
@@ -106,7 +106,7 @@ class ObservationReader:
             raise line.error(f"time goes backwards: before, there was t_ms {before_ms:g}", "the lines in order")
 
     def _ahead(self, valid_us: int) -> TextError | None:
-        """What is wrong with the time that is being read, if the next line is far before it, but after the one before."""
+        """The error if the time being read lies far after the next line, which follows the time before."""
         first, latest_us, before_us = self._first, self._latest_us, self._before_us
         if first is None or latest_us is None or latest_us - valid_us <= FAR_AHEAD_US:
             return None
@@ -177,7 +177,7 @@ class _ObservationLine(JsonLine):
         return float(value)
 
     def observation(self, valid_us: int, sensor: str) -> WorldObservation | None:
-        """What the line says; None: that nothing was seen, or that time passes."""
+        """The observation in the line; None: the sensor saw nothing, or time passes."""
         if not sensor:
             return None
         attributes, values = self._model.attributes, dict[str, Any]()

@@ -1,4 +1,4 @@
-"""World models from TOML. What cannot work, thresholds that contradict each other above all, is refused when it is read."""
+"""World models from TOML. An inconsistent one, above all with contradicting thresholds, is refused when it is read."""
 
 from collections.abc import Mapping
 from math import inf, log
@@ -44,7 +44,7 @@ def read_world_model(text: str, file: str = "") -> WorldModel:
     """The model.
 
     Raises:
-        TextErrors: everything that is wrong with it.
+        TextErrors: every error in it.
     """
     source = TomlText(text, file)
     root = source.root(EXAMPLE)
@@ -268,7 +268,7 @@ def read_beliefs(
     attributes: Mapping[str, GaussianAttribute | CategoricalAttribute],
     types: ObjectTypes,
 ) -> tuple[dict[str, tuple[Floats, Floats]], dict[str, Floats]]:
-    """What is believed of one instance: its `type` and its `attributes`."""
+    """The beliefs about one instance: its `type` and its `attributes`."""
     gaussian: dict[str, tuple[Floats, Floats]] = {}
     categorical: dict[str, Floats] = {}
     if (shares := table.shares("type", types.names, "type", rest=True)) is not None:

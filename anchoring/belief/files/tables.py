@@ -20,7 +20,7 @@ _PART = re.compile(r"\"([^\"]*)\"|'([^']*)'|([^.\s\"']+)")
 
 
 class TomlText:
-    """One text and what is wrong with it."""
+    """One text and its errors."""
 
     def __init__(self, text: str, file: str) -> None:
         self.text, self.file = text, file

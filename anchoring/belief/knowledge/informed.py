@@ -29,7 +29,7 @@ _LIKELY = 0.5
 
 
 class InformationRequest(NamedTuple):
-    """What the environment model wants to be observed.
+    """A request of the environment model for an observation.
 
     Attributes:
         instance: its name.
@@ -91,7 +91,7 @@ class InformedModel:
         return self._inform(lambda: self.environment.predict_to(valid_us))
 
     def requests(self) -> list[InformationRequest]:
-        """What should be observed, the most urgent first."""
+        """The requested observations, the most urgent first."""
         table, found = self.environment.table, []
         ends_us = table.deletions_us(self.environment.valid_us or 0)
         confirm = self.environment.model.thresholds.confirm
@@ -165,7 +165,7 @@ class InformedModel:
         return events + self.environment.revise(revised)
 
     def _match(self, valid_us: int, events: Sequence[LifeEvent]) -> list[LifeEvent]:
-        """Known instances among those that were created or confirmed; what is not observed is completed."""
+        """Match known instances with created or confirmed ones; their unobserved attributes are completed."""
         table, found = self.environment.table, list[LifeEvent]()
         rows = table.rows()
         names = dict.fromkeys(each.instance for each in events if each.kind in {CREATED, CONFIRMED})
@@ -209,7 +209,7 @@ class InformedModel:
         return learnt
 
     def _memory(self, name: str, row: int) -> KnownInstance:
-        """What is worth remembering of an instance: what has been observed of it, and does not move."""
+        """The lasting part of an instance: its observed attributes that do not change with motion."""
         table = self.environment.table
         gaussian = {
             key: (each.mean[row].copy(), each.covariance[row].copy())
@@ -224,7 +224,7 @@ class InformedModel:
         return KnownInstance(self._called(name), gaussian, categorical)
 
     def _called(self, name: str) -> str:
-        """The name under which an instance is remembered: none that another thing has, of an earlier life."""
+        """The name under which an instance is remembered; different from those of all other remembered instances."""
         if name in self.matched:
             return self.matched[name]
         if name in self._lasting:

@@ -1,4 +1,4 @@
-"""Which known instance an instance is, and what it takes over from that.
+"""Which known instance an instance is, and the attributes that it takes over.
 
 An instance's beliefs are its prior times the likelihood of all that was observed of it. For a known one with belief p_k about an
 attribute the observations are likelier than for something new by the factor

@@ -1,4 +1,4 @@
-"""Prior knowledge in bundles: loaded and unloaded as needed, and what has been learnt back."""
+"""Prior knowledge in bundles: loaded and unloaded as needed, and learnt back."""
 
 from collections.abc import Iterable, Mapping, Sequence
 from itertools import combinations
@@ -23,7 +23,7 @@ MOST_LEARNT: Final = 1000
 
 
 class PriorKnowledge:
-    """What is known of some types. A type that bundles describe is possible while one of these is loaded.
+    """Knowledge of some types. A type that bundles describe is possible while one of these is loaded.
 
     Args:
         types: of the environment model.
@@ -81,7 +81,7 @@ class PriorKnowledge:
         )
 
     def of_class(self, type_: str) -> KnownClass:
-        """What holds of things of a type: what its classes say, the lowest first."""
+        """The knowledge of a type: of all its classes, where a lower one overrides a higher one."""
         gaussian: dict[str, tuple[Floats, Floats]] = {}
         categorical: dict[str, Floats] = {}
         for name in reversed(lineage(self._classes, type_)):
@@ -91,7 +91,7 @@ class PriorKnowledge:
         return KnownClass(type_, gaussian=gaussian, categorical=categorical)
 
     def learn(self, known: KnownInstance) -> None:
-        """Remember an instance; what is not learnt again stays."""
+        """Remember an instance; attributes that are not learnt again stay."""
         before = next((each for each in self.known if each.name == known.name), None)
         if before is not None:
             known = KnownInstance(

@@ -1,4 +1,4 @@
-"""What is known before anything is observed. All of it is values."""
+"""Knowledge from before any observation. All of it is values."""
 
 from collections.abc import Iterable, Mapping, Sequence
 from dataclasses import dataclass, field
@@ -15,12 +15,12 @@ Area = tuple[float, float, float, float]
 
 
 class KnownClass(NamedTuple):
-    """What holds of things of one type.
+    """The knowledge of one class.
 
     Attributes:
         is_a: the class above it; empty: none.
         is_lasting: its instances are remembered when they are gone.
-        gaussian: mean (d,) and covariance (d, d) of what is not observed of an instance.
+        gaussian: mean (d,) and covariance (d, d) of unobserved attributes of an instance.
         categorical: (K,) likewise.
         has: attributes that all of its instances have.
     """
@@ -34,12 +34,12 @@ class KnownClass(NamedTuple):
 
 
 class ClassRule(NamedTuple):
-    """What must hold of the instances of a class; it is cited by its name.
+    """A constraint on the instances of a class; it is cited by its name.
 
     Attributes:
-        attribute, relation: what it is about; one of the two.
+        attribute, relation: the subject of the rule; one of the two.
         low, high: (m,) bounds of a continuous attribute.
-        values: (K,) 1 for what is allowed of a discrete attribute, 0 for what is not.
+        values: (K,) 1 for an allowed value of a discrete attribute, 0 for another.
         other: the class to which the relation leads; empty: any.
         at_most: instances to which the relation leads at one time; 0: any number.
         tolerance: the greatest probability of a violation that is left alone.
@@ -72,7 +72,7 @@ class KnownInstance(NamedTuple):
 
 @dataclass(frozen=True, eq=False)
 class KnowledgeBundle:
-    """What is loaded and unloaded together.
+    """Knowledge that is loaded and unloaded together.
 
     Attributes:
         area: where it is about; None: everywhere.
@@ -116,7 +116,7 @@ def lineage(classes: Mapping[str, KnownClass], name: str) -> tuple[str, ...]:
 
 
 def left_nothing(rules: Iterable[ClassRule], classes: Mapping[str, KnownClass], types: Sequence[str]) -> str:
-    """What rules about attributes leave no value at all that all of them allow, in words; empty: nothing."""
+    """The rules that together leave a type no value of an attribute, in words; empty: none."""
     allowed: dict[tuple[str, str], tuple[Floats, Floats]] = {}
     names: dict[tuple[str, str], list[str]] = {}
     for rule in rules:

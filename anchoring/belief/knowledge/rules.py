@@ -6,7 +6,7 @@ probability s (1 - q). Given that it holds, Z = 1 - s (1 - q):
     p'(t) = p(t) q / Z for types of the class, p(t) / Z for the others
     p'(a) = ((1 - s) p(a) + s q p(a | obeys)) / Z, as its marginal, moments matched
 
-What cannot be repaired is refused. Both cite the rule.
+An instance that cannot be repaired is refused. Both cite the rule.
 """
 
 from collections import defaultdict
@@ -88,7 +88,7 @@ def repair(table: InstanceTable, rule: ClassRule, types: Indices, row: int, chec
 def of_relations(
     table: InstanceTable, rule: ClassRule, types: Indices, others: Indices | None, relations: Mapping[Relation, float]
 ) -> dict[Relation, float]:
-    """What relations are believed to be, given that a rule about them holds; those that it leaves alone are not named."""
+    """The probabilities of relations, given that a rule about them holds; unchanged relations are left out."""
     rows, shares = table.rows(), table.categorical[TYPE].shares
     mine = {
         key: value

@@ -1,8 +1,8 @@
-"""Looks from streams: percepts of one source at one time, and what was in view then.
+"""Looks from streams: percepts of one source at one time, and its view at that time.
 
-A look of the only source, if that is the platform's own, is complete at the end of its instant. Others wait until every source
-has reported something later, at most `PATIENCE_US`; then all looks up to it are taken in the order of time. What comes for a
-time before those that were taken is left out and counted.
+A look of the only source, if that is the platform's own, is complete at the end of its instant. Others wait until every
+source has reported something later, at most `PATIENCE_US`; then all looks up to it are taken in the order of time. A
+percept for a time before the looks that were taken is left out and counted.
 """
 
 from collections import Counter
@@ -17,17 +17,17 @@ PATIENCE_US: Final = 400_000
 VIEW_LASTS_US: Final = US_PER_S
 """How long a view counts for percepts that come without one."""
 MOST_PERCEPTS: Final = 2_000
-"""Of one source and time; what is beyond is left out."""
+"""Limit of the percepts of one source and time; the others are left out."""
 MOST_WAITING: Final = 256
 """Looks that wait; then the first is taken as it is."""
 
 
 class SourceLook(NamedTuple):
-    """What one source reported of one time.
+    """The reports of one source for one time.
 
     Attributes:
         source: which, counted from 0.
-        view_m: corners of what was in view; None: that is not known.
+        view_m: corners of its view; None: it is not known.
         certainty: the least with which a percept came: how far its deliverer trusts the source.
     """
 
@@ -45,7 +45,7 @@ class LookGatherer:
         is_own: of each source, whether all of one time comes at one instant.
 
     Attributes:
-        left_out: what was not taken, by reason.
+        left_out: counts of percepts that were not taken, by reason.
     """
 
     def __init__(self, is_own: Sequence[bool]) -> None:
@@ -69,7 +69,7 @@ class LookGatherer:
         self._looks[valid_us, source] = look._replace(certainty=min(look.certainty, certainty))
 
     def on_view(self, source: int, valid_us: int, view_m: Floats, now_us: int) -> None:
-        """What was in view."""
+        """Note the view of a source."""
         look = self._look(source, valid_us, now_us)
         if look is not None:
             self._looks[valid_us, source] = look._replace(view_m=view_m)

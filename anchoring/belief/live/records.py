@@ -1,4 +1,5 @@
-"""Beliefs as records of a sort, field by field: what the sort has no field for is left out, what is not believed has no value.
+"""Beliefs as records of a sort, field by field: attributes without a field are left out, fields without a belief have
+no value.
 
 symbol, existence, status, type, types, x_m, y_m, vx_m_s, vy_m_s, sd_m, v_sd_m_s, seen_by, known, end,
 p_T: the probability of the type T, and the attributes of the model
@@ -27,7 +28,7 @@ BELIEF_SORT: Final = Sort(
         Field("known", "text"), Field(END, "bool"),
     ),
 )  # fmt: skip
-"""What beliefs are unless a sort is declared; that of the semantic label `believed-objects`."""
+"""The sort of beliefs unless one is declared; that of the semantic label `believed-objects`."""
 PROBABILITY: Final = "p_"
 
 

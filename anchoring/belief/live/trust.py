@@ -5,7 +5,8 @@ reporting what is then never confirmed, more often than its `clutter` says. Both
 
     trust = declared (n + found) / (n + max(found, expected)) (n + reports - surplus) / (n + reports)
 
-with n = `CAUTION`, `expected` the sum of existence of what is confirmed and in view, times `detects`, `surplus` the unconfirmed beyond the clutter.
+with n = `CAUTION`, `expected` the sum of existence of confirmed instances in view, times `detects`, `surplus` the
+unconfirmed beyond the clutter.
 """
 
 from math import exp
@@ -28,7 +29,7 @@ class TrustInSource(NamedTuple):
 
     Attributes:
         declared: as it was stated.
-        found, expected: observations of what is believed to exist, and how many there should be.
+        found, expected: observations of confirmed instances, and their expected number.
         reports: observations.
         unconfirmed, usual: instances that it reported and nothing confirmed, and how many are as its clutter says.
         valid_us: of the latest look.
@@ -69,7 +70,7 @@ class TrustInSource(NamedTuple):
         Args:
             valid_us: of the look.
             sensor: as the model describes it.
-            seen: (N,) existence of what is confirmed, times how much of it is in view.
+            seen: (N,) existence of the confirmed instances, times the share of each in view.
             hits: (N,) probability that each was observed.
             reports: how many observations there were.
         """

@@ -1,7 +1,8 @@
 """An environment model that is fed by several sources: looks in, what has changed of the beliefs out.
 
-Work is bounded: of one step at most `MOST_REPORTED` beliefs are reported, those that were observed or have begun first, then those that
-were reported longest ago; each is reported again at least once in `RENEWED_US` while that is possible. What waits is counted.
+Work is bounded: of one step at most `MOST_REPORTED` beliefs are reported, those that were observed or have begun first,
+then those that were reported longest ago; each is reported again at least once in `RENEWED_US` while that is possible.
+Beliefs that wait are counted.
 """
 
 from collections import Counter, deque
@@ -89,7 +90,7 @@ class WorldWatch:
     """Beliefs about everything that several sources observe.
 
     Args:
-        model: what there may be.
+        model: the model of types, attributes and sensors.
         bundles: prior knowledge.
         sources: that observe.
         prefix: of the names of instances.
@@ -97,8 +98,8 @@ class WorldWatch:
     Attributes:
         informed: the model with its knowledge.
         trust: in each source, now.
-        recent: what happened last, as far as it is of interest without being asked for.
-        counts: what was not taken as it came, or waits, by reason.
+        recent: the last events, without routine ones.
+        counts: counts of observations that were left out, or wait, by reason.
     """
 
     def __init__(
@@ -168,7 +169,7 @@ class WorldWatch:
         return self._reported(self.informed.predict_to(valid_us), set())
 
     def _note(self, events: Iterable[LifeEvent]) -> None:
-        """Keep what happened: all of it, and what is of interest without being asked for, a rule once for each instance."""
+        """Keep the events in the history, and the interesting ones apart, a repair by a rule once for each instance."""
         for each in events:
             if each.kind in _COUNTED:
                 self.counts[each.kind] += 1
@@ -184,13 +185,13 @@ class WorldWatch:
                 self._confirmed.add(each.instance)
 
     def explain(self, name: str) -> list[LifeEvent]:
-        """What is kept of what happened to an instance."""
+        """The events of an instance that are kept."""
         return [each for each in self._history if each.instance == name]
 
-    # What follows
+    # View and trust
 
     def _in_view(self, view_m: Floats | None) -> Floats:
-        """(N,) existence of what is confirmed, times the share of the instance that is in view."""
+        """(N,) existence of confirmed instances, times the share of each in view."""
         table = self.environment.table
         position, existence = table.gaussian.get(POSITION), table.existence * table.confirmed
         if position is None or view_m is None:

@@ -1,5 +1,5 @@
-"""What link processes decide by: conditions over two objects, what is near, what is wanted.
+"""The criteria of link processes: conditions over two objects, nearness, wanted objects.
 
-A condition is a formula with what its labels stand for; a gate says from which distance on it need not be evaluated.
-Descriptions of wanted objects are conditions, too.
+A condition is a formula with a context for its labels; a gate gives the distance from which on it need not be
+evaluated. Descriptions of wanted objects are conditions, too.
 """

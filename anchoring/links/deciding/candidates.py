@@ -23,10 +23,10 @@ from anchoring.links.states import ObjectState
 
 LEAST_WEIGHT: Final = 0.02
 OPEN_WEIGHT: Final = 0.1
-"""What is less probable is no reason to leave an object to another percept."""
+"""With a smaller weight a candidate is no reason to leave an object to another percept."""
 _NO_WEIGHT, _PREFERRED = 1e-12, 1e-9
 _LOWERED: Final = 0.1
-"""What remains of a weight when the maintain condition fails."""
+"""The factor on a weight when the maintain condition fails."""
 
 
 @dataclass(slots=True)
@@ -80,7 +80,7 @@ class LinkCandidates:
         return len(self._candidates) == 1
 
     def go_over(self, to: LinkCandidate) -> None:
-        """Another takes the place of the one that is linked; what it was taken for before is as known as it is now."""
+        """Replace the linked object by another candidate; `to.before` is the last time its target was seen."""
         to.before = to.target.last_seen
         self.chosen = to.target.symbol
 
@@ -146,7 +146,7 @@ class LinkCandidates:
         total = self._total
         for each in self._candidates.values():
             share = each.weight / total if total > 0.0 else 1.0 / len(self._candidates)
-            each.weight = max(share, _NO_WEIGHT)  # what is linked may become likely again
+            each.weight = max(share, _NO_WEIGHT)  # the linked object may become likely again
 
     @property
     def _total(self) -> float:

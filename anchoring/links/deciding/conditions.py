@@ -1,4 +1,4 @@
-"""The conditions of a link specification, ready to be evaluated over states of two objects, and what is around them."""
+"""The conditions of a link specification, ready to be evaluated over states of two objects, and their context."""
 
 from collections.abc import Callable
 from math import inf
@@ -16,7 +16,7 @@ from reasoning.formulas.tree import Exists, Forall, Formula, event_labels, walk
 Reading: TypeAlias = Callable[[ObjectState, ObjectPrediction | None], Value]
 """The value of one label: of the state of `from` and the whereabouts of `to`, None where there is no `to`."""
 Thresh: TypeAlias = Callable[[ObjectState, ObjectPrediction], float]
-"""What `thresh` is for a state of `from` and the whereabouts of `to`."""
+"""The value of `thresh` for a state of `from` and the whereabouts of `to`."""
 
 
 class Ends(NamedTuple):
@@ -39,9 +39,9 @@ class PairCondition:
     """One formula over `from` and `to`.
 
     Args:
-        name: what `from` may be called as well.
+        name: another name of `from`.
         context: the other objects, and the streams that it may speak of.
-        thresh: what that is, if it is not as the specification says.
+        thresh: its value, unless the specification gives it.
 
     Attributes:
         is_trivial: it is true whatever happens.
@@ -98,7 +98,7 @@ class PairCondition:
     def values(
         self, state: ObjectState, other: ObjectPrediction | None = None, ends: Ends = NO_ENDS
     ) -> dict[str, Value]:
-        """What the formula reads of the state of `from`, and of `to` if there is one, and around them."""
+        """The values of the formula's labels, from the state of `from`, that of `to` if any, and the context."""
         if not self._around:
             return {label: read(state, other) for label, read in self._readings.items()}
         return {label: self._value(label, state, other, ends) for label in self._labels}
@@ -127,7 +127,7 @@ class PairCondition:
             self._readings[text] = read
 
     def _reading(self, label: Label) -> Reading | None:
-        """From the states of both ends; None: from what is around them."""
+        """The value from the states of both ends; None: it is read from the context."""
         specification = self._specification
         if _is_distance(label):
             return lambda state, other: NO_VALUE if other is None else state.distance_m(other.nearest(state))
@@ -145,7 +145,7 @@ class PairCondition:
         return lambda state, _other: read(state)
 
     def _members(self, domain: str, ends: Ends) -> tuple[str, ...]:
-        """The objects of a domain; those that the formula is over by the names that they have in it."""
+        """The objects of a domain; both ends by their names in the formula."""
         specification, type_ = self._specification, domain.removesuffix(DOMAIN)
         called = {ends.target: TO} if ends.target and type_ == specification.target else {}
         if type_ == specification.source:

@@ -1,4 +1,4 @@
-"""What a condition reads besides the states of its two objects: other objects of the linkage, and streams around it."""
+"""The context of a condition: other objects of the linkage, and streams."""
 
 from collections.abc import Mapping
 from typing import Final, Protocol
@@ -21,7 +21,7 @@ STATE_FEATURES: Final[Mapping[str, StateFeature]] = {
     "vy_m_s": lambda state: state.vy_m_s,
     "sd_m": lambda state: state.deviation_m / 2**0.5,
 }
-"""What every state has, by the names that conditions and streams have for it."""
+"""The attributes of every state, by their names in conditions and streams."""
 
 
 def read_state(name: str, state: ObjectState) -> Value:

@@ -16,7 +16,7 @@ from reasoning.formulas.tree import Formula
 
 
 class Gate(NamedTuple):
-    """What a condition implies.
+    """The consequences of a condition for distant objects.
 
     Attributes:
         bound_m: a state farther apart, or as far, is a far one.

@@ -14,7 +14,7 @@ class NearObjects:
     Args:
         expected: symbols, with all hypotheses about where each is.
         bound_m: None: all are near.
-        keeps_all: those that were near once stay so.
+        keeps_all: objects that were near once stay so.
     """
 
     def __init__(self, expected: Mapping[str, ObjectPrediction], bound_m: float | None, keeps_all: bool) -> None:
@@ -32,7 +32,7 @@ class NearObjects:
         return floor(state.x_m / self._bound_m), floor(state.y_m / self._bound_m)
 
     def of(self, state: ObjectState, before: Collection[str]) -> Iterator[tuple[str, ObjectPrediction]]:
-        """What is near a state, or has been near it before."""
+        """The objects near a state, now or before."""
         if self._bound_m is None:
             yield from self._expected.items()
             return

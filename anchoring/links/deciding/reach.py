@@ -1,4 +1,4 @@
-"""Which known objects are near enough to a state: by what a specification says, or by what is usual of the things that are seen."""
+"""Which known objects are near enough to a state: by a specification, or by usual motion."""
 
 from collections.abc import Iterable, Mapping
 from math import log, pi
@@ -19,7 +19,7 @@ class Reach:
     """How far a state may be from where an object is expected, and how badly it fits.
 
     Attributes:
-        thresh: what that is in conditions, if it is not as the specification says.
+        thresh: its value in conditions, unless the specification gives it.
         alone: the score of being none of the known objects; None: as many as possible are known ones.
     """
 
@@ -30,7 +30,7 @@ class Reach:
         self.alone = None if self._spacing is None else _ALONE
 
     def on_states(self, valid_us: int, seen: Iterable[ObjectState]) -> None:
-        """What is seen at one time."""
+        """Note all states of one time."""
         if self._spacing is not None:
             self._spacing.on_states(valid_us, [*seen])
 

@@ -1,4 +1,4 @@
-"""What a link process needs of the structures that it belongs to."""
+"""The interface from a link process to the structures that it belongs to."""
 
 from typing import Protocol
 
@@ -9,10 +9,10 @@ from anchoring.links.states import ObjectState
 
 
 class LinkSurroundings(Protocol):
-    """What a link process needs of the structures it belongs to.
+    """The interface from a link process to the structures it belongs to.
 
     Attributes:
-        context: what conditions may speak of besides both objects.
+        context: the context of conditions, besides both objects.
     """
 
     context: ConditionContext

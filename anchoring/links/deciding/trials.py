@@ -1,10 +1,10 @@
-"""Links on trial: what was taken for a known object may show, by how it moves on, that it is another.
+"""Links on trial: the later motion of a percept may show that it is not the known object it was linked to.
 
-A percept is linked at once, by where it is; how it moves is seen later. For a while two tracks take each of its states: that of the
-known object, and that of a stranger that has come into view with the percept, as fast as others are. The logarithm of how much
-likelier the first one makes the states begins with what the link was made for. Once the stranger is the likelier one, the link
-is taken back: the object is as it was before, and the percept waits as if it had not been linked. It is not taken for the same
-object again before that was linked to something else.
+A percept is linked at once, by where it is; how it moves is seen later. For a while two tracks take each of its states:
+that of the known object, and that of a stranger that has come into view with the percept, as fast as others are. The
+logarithm of their likelihood ratio starts at the value for which the link was made. Once the stranger is the likelier
+one, the link is taken back: the object is as it was before, and the percept waits as if it had not been linked. It is
+not taken for the same object again before that was linked to something else.
 """
 
 from collections.abc import Callable, Iterator
@@ -54,7 +54,7 @@ class LinkTrial:
 class LinkTrials:
     """The links of one process that are on trial: of percepts, adaptively, to objects that move on as they did.
 
-    What is above an object, as its place on a road, says where it turns; how it moves is no evidence against that.
+    An object above it, such as its place on a road, already tells where it turns; then its motion is no evidence.
     """
 
     def __init__(self, specification: LinkSpecification, establish: PairCondition) -> None:
@@ -93,7 +93,7 @@ class LinkTrials:
         return None
 
     def _wait(self, valid_us: int, waiting: Unlinked, source: LinkObject) -> None:
-        """What would be evaluated if it were not linked."""
+        """Step the establish condition as if the object were not linked."""
         establish = waiting.establish
         if establish is None or establish.verdict != "undecided":
             return

@@ -1,4 +1,4 @@
-"""What is evaluated about an object that is not linked, until it is."""
+"""The evaluations of an unlinked object, until it is linked."""
 
 from bisect import bisect_left
 from typing import Final, NamedTuple

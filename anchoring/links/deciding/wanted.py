@@ -42,7 +42,7 @@ KNOWN_SPEED_M_S: Final = 3.0
 
 
 class Sighting(NamedTuple):
-    """What was found to be a wanted object, and why."""
+    """The object that was found to be a wanted one, and why."""
 
     source: LinkObject
     reason: LinkReason
@@ -69,7 +69,7 @@ class WantedObject:
         self._until_us: dict[str, int] = {}
 
     def step(self, valid_us: int, sources: Iterable[tuple[LinkObject, ObjectState]]) -> Sighting | None:
-        """Take all that may be it, each with its state as an object of the type; what it is, once that is known."""
+        """Take all candidates, each with its state as an object of the type; returns the wanted one, once known."""
         sightings: list[tuple[float, tuple[int, str], LinkObject]] = []
         for one, state in sources:
             values = self._condition.values(state, self._place)
@@ -94,7 +94,7 @@ class WantedObject:
         return Sighting(chosen, LinkReason("wanted", self._condition.formula, explanation))
 
     def drop(self, symbol: str) -> None:
-        """An object below is gone: one that comes later under its name is another."""
+        """An object below is gone: a new one under its name is another."""
         self._evaluations.pop(symbol, None)
         self._until_us.pop(symbol, None)
 
@@ -112,7 +112,7 @@ def described(values: Mapping[str, Value]) -> Formula:
 
 
 def _beginning(description: Formula) -> tuple[Formula, int]:
-    """What has to be true in the state from which a description `eventually ...` holds, and how long that may take to be decided."""
+    """The condition on the first state for a description `eventually ...`, and the longest time until it is decided."""
     if not isinstance(description, Eventually) or (description.lo_us, description.hi_us) != (0, None):
         return Const(value=True), _ENDLESS_US
     return _at_once(description.operand), _horizon_us(description.operand)

@@ -17,7 +17,7 @@ _ROOT: Final = re.compile(r"<([A-Za-z][\w.-]*)")
 
 
 def format_of(text: str | bytes) -> str:
-    """The format of a text by its root, also of one that is not read; what is no XML is taken for GeoJSON, other XML for SUMO."""
+    """The format of a text by its root, also of one that is not read; no XML counts as GeoJSON, other XML as SUMO."""
     begin = text[:_BEGINNING] if isinstance(text, str) else text[:_BEGINNING].decode("utf-8", errors="replace")
     if not begin.lstrip("\ufeff \t\r\n").startswith("<"):
         return GEOJSON
@@ -38,6 +38,6 @@ def read_roads(text: str | bytes, file: str = "") -> RoadNetwork:
 
 
 def survey_any(text: str | bytes) -> RoadSurvey:
-    """What a text has, and every problem in it."""
+    """The network in a text, and every problem in it."""
     readers = {GEOJSON: survey_roads, OPENSTREETMAP: survey_openstreetmap}
     return readers.get(format_of(text), survey_sumo)(text)

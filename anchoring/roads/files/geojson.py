@@ -47,7 +47,7 @@ class _Feature(NamedTuple):
 
 
 def survey_roads(text: str | bytes) -> RoadSurvey:
-    """What a GeoJSON text has, and every problem in it."""
+    """The network in a GeoJSON text, and every problem in it."""
     problems = Problems()
     collection = _collection(text, problems)
     if collection is None:
@@ -202,7 +202,7 @@ def _id(feature: Mapping[str, Any], properties: Mapping[str, Any]) -> str:
 def _made(
     feature: _Feature, frame: LocalFrame | None, tries: Tries, *, left_hand: bool
 ) -> Crossing | RoadLink | RoadArea | None:
-    """What a feature declares; None for Points of other kinds, and if something is wrong."""
+    """The element that a feature declares; None for Points of other kinds, and if it has an error."""
     kind, name = feature.kind, feature.id
     attributes = _attributes(kind, feature.properties, tries, left_hand=left_hand)
     rings = tries(_local, feature.rings, frame)
@@ -224,7 +224,7 @@ def _made(
 
 
 def _attributes(kind: str, properties: Mapping[str, Any], tries: Tries, *, left_hand: bool) -> tuple[Any, ...] | None:
-    """What properties say of a kind of geometry; None for Points of other kinds, and if something is wrong."""
+    """The attributes in the properties of a geometry; None for Points of other kinds, and in case of errors."""
     if kind == "Point":
         if properties.get("kind") is None:
             tries.add("a Point has a kind", 'write "kind": "crossing"')

@@ -1,4 +1,4 @@
-"""What is wrong with the text of a road network: which feature, the cause and the remedy."""
+"""Problems in the text of a road network: the feature, the cause and the remedy."""
 
 from collections.abc import Callable, Iterable, Sequence
 from typing import Final, NamedTuple, TypeVar
@@ -20,7 +20,7 @@ class RoadProblem(NamedTuple):
         severity: `error`: the text is not taken; `warning`: it is, and perhaps not as it is meant.
         feature: index of the feature, from 0; None: it is the text as a whole.
         id: of the feature, if it has one.
-        noun: what a feature is called in the text: feature, way, edge.
+        noun: the text's word for a feature: feature, way, edge.
     """
 
     severity: str
@@ -89,7 +89,7 @@ class Problems:
             self._listed.append(problem)
 
     def survey(self, network: RoadNetwork | None) -> RoadSurvey:
-        """What was read; no network if there are errors."""
+        """The survey; without a network if there are errors."""
         listed: Sequence[RoadProblem] = sorted(
             self._listed, key=lambda each: -1 if each.feature is None else each.feature
         )
@@ -98,7 +98,7 @@ class Problems:
 
 
 class FeatureError(ValueError):
-    """What is wrong with the feature that is being read."""
+    """An error of the feature that is being read."""
 
     def __init__(self, message: str, remedy: str) -> None:
         self.message, self.remedy = message, remedy
@@ -109,17 +109,17 @@ _Made = TypeVar("_Made")
 
 
 class Tries:
-    """Reads the parts of a feature one by one; what is wrong with one part does not hide what is wrong with another.
+    """Reads the parts of a feature one by one; an error in one part does not hide an error in another.
 
     Attributes:
-        wrong: what was wrong until now.
+        wrong: the errors until now.
     """
 
     def __init__(self) -> None:
         self.wrong: list[FeatureError] = []
 
     def __call__(self, make: Callable[..., _Made], *arguments: object) -> _Made | None:
-        """What is made of the arguments; None if that is wrong."""
+        """The result of `make`; None if it raises FeatureError, which is kept."""
         try:
             return make(*arguments)
         except FeatureError as wrong:

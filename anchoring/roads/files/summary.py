@@ -1,4 +1,4 @@
-"""What is in a road network, and how much can be recognised on it, in a few numbers."""
+"""The contents of a road network, and how much can be recognised on it, in a few numbers."""
 
 from collections import Counter
 from typing import Final, NamedTuple
@@ -20,8 +20,8 @@ class RoadSummary(NamedTuple):
         parts: how many parts have no road between them; crossings without roads do not count.
         dead_ends: crossings with one link, and ends of links without a crossing.
         turns: ways through crossings that can be recognised; `left`, `right`, `straight` and `back` are how many of each.
-        hidden_turns: those that cannot, since one of their links has no stretch outside of crossings that takes half a
-            second at its speed limit.
+        hidden_turns: the ways that cannot, since one of their links has no stretch outside of crossings that takes half
+            a second at its speed limit.
         forks: ends of links, in the direction of travel, at which a car has more than one way out.
         ways: links, in each direction in which they can be travelled.
         both_ways: links that can be travelled in both directions, on which a change of direction can be recognised.
@@ -47,7 +47,7 @@ class RoadSummary(NamedTuple):
     hidden_links: tuple[str, ...]
 
     def remarks(self) -> tuple[RoadProblem, ...]:
-        """Warnings of what cannot be recognised."""
+        """Warnings of ways and links on which turns cannot be recognised."""
         if self.hidden_turns:
             named = ", ".join(map(repr, self.hidden_links[:_MOST_NAMED]))
             more = len(self.hidden_links) - _MOST_NAMED

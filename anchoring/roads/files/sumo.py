@@ -60,7 +60,7 @@ def _add_junction(element: Element, assembly: Assembly, problems: Problems) -> N
 
 
 def _end_at_stop_lines(edges: Sequence[Element], assembly: Assembly) -> None:
-    """A crossing reaches to where the lanes of each of its edges end, not to its corners: what waits there is on its link."""
+    """Let a crossing end where the lanes of its edges end, not at its corners: waiting vehicles are on their link."""
     reaches_m: dict[str, float] = {}
     for element in edges:
         try:

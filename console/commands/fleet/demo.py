@@ -32,7 +32,7 @@ from runtime.library.jobs import tasks as all_tasks
 
 P = Performative
 Outcome: TypeAlias = tuple[str, dict[str, Any]]
-"""A sentence, and what a JSON line adds."""
+"""A sentence, and further fields of its JSON line."""
 UNITS, PAIR = ("0", "1", "2"), ("0", "1")
 SAFE_M = 10.0
 MOVING_M_S = 2.0
@@ -45,7 +45,7 @@ _STEP_S = 0.1
 
 @dataclass(slots=True)
 class Demo:
-    """What the steps share. Each step returns a sentence and what a JSON line adds, or raises FederationFailed."""
+    """The context of the steps, each of which returns an outcome or raises FederationFailed."""
 
     call: Call
     seed: int

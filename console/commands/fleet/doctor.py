@@ -1,4 +1,4 @@
-"""`dyknow doctor`: what this machine lacks, and how to get it."""
+"""`dyknow doctor`: dependencies that this machine lacks, and how to get them."""
 
 import contextlib
 import os
@@ -61,7 +61,7 @@ def doctor(
     compid: Annotated[int | None, typer.Option(metavar="C", min=0, max=255, help="Which component of it.")] = None,
     signing_key: Annotated[Path | None, typer.Option(metavar="FILE", help="Key of MAVLink 2 signing.")] = None,
 ) -> int:
-    """What this machine lacks, and how to get it; exit 1 if something that is needed is missing."""
+    """Missing dependencies of this machine, and how to get them; exit 1 if a required one is missing."""
     findings = list(findings_here())
     if mavlink is not None:
         own = UnitFile(mavlink=mavlink, sysid=sysid, compid=compid, signing_key=signing_key)

@@ -94,7 +94,7 @@ def join(
     ] = None,
     forward_commands: Annotated[
         bool,
-        typer.Option("--forward-commands", help="What that station sends reaches the vehicle; missions then wait."),
+        typer.Option("--forward-commands", help="Commands of that station reach the vehicle; missions then wait."),
     ] = False,
     forward_beyond: Annotated[
         bool, typer.Option("--forward-beyond", help="That station may be on another machine.")
@@ -114,7 +114,7 @@ def join(
     ] = None,
     spec: Annotated[
         Path | None,
-        typer.Option(metavar="FILE.kpl", help="What it derives, exports, imports and monitors; read again on change."),
+        typer.Option(metavar="FILE.kpl", help="Its streams, exports, imports and monitors; read again on change."),
     ] = None,
     modules: UnitModules = None,
     feed: Feed = None,
@@ -235,7 +235,7 @@ def _followed(
 def _check_specified(heard: list[dict[str, Any]], *, needed: bool) -> None:
     """Without a vehicle and a specification a platform has nothing to do; raises WrongCall with all that is wrong.
 
-    What lacks only streams that a host may yet offer waits for one; the platform says so.
+    A specification that lacks only streams which a host may yet offer waits for one; the platform notifies the user.
     """
     for said in heard:
         if said.get("event") == "not-specified" and needed and not said["runs"] and not said["awaits"]:
@@ -274,7 +274,7 @@ def fits_in(call: Call, configs: list[NodeConfig]) -> None:
 
 
 def _vehicle(call: Call, own: UnitFile, speed: float) -> tuple[Vehicle, ClockConfig]:
-    """What the platform flies, and the federation's clock as it needs it; raises WrongCall."""
+    """The vehicle of the platform, and the federation's clock as it needs it; raises WrongCall."""
     now_us = time.time_ns() // 1000
     check_forward(own, place="--forward")
     if own.replay is None:

@@ -28,7 +28,7 @@ from runtime.configuration.reach import COMMAND_CENTRE, roster_folder
 
 DEFAULT_FILE = Path("roster.toml")
 AUTHORITY = "ca"
-"""What the files of the certificate authority are called, next to those of the members."""
+"""The file names of the certificate authority, next to those of the members."""
 LOOPBACK = ("127.0.0.1", "localhost")
 
 Hosts: TypeAlias = Annotated[
@@ -65,7 +65,7 @@ def init(
 def add(
     call: Call,
     unit: UnitArgument,
-    role: Annotated[Role, typer.Option(help="What it may do.")] = "uav",
+    role: Annotated[Role, typer.Option(help="Its rights.")] = "uav",
     hosts: Hosts = None,
 ) -> int:
     """One more platform, with a new key and certificate."""
@@ -83,7 +83,7 @@ def add(
 
 @command(example="dyknow roster revoke 2 --roster keys/roster.toml")
 def revoke(call: Call, unit: UnitArgument) -> int:
-    """Mark a platform as no longer trusted: those that run close their links to it within a second."""
+    """Mark a platform as no longer trusted: running platforms close their links to it within a second."""
     path = _path(call)
     try:
         roster = _read(path, call).revoked(unit)
@@ -107,7 +107,7 @@ def _path(call: Call) -> Path:
 
 
 def _read(path: Path, to_change: Call | None = None) -> Roster:
-    """The roster; one that is to be changed names its federation, which is not another one than is asked for."""
+    """The roster; a roster that is to be changed names its federation, which must be the one of the settings."""
     try:
         roster = Roster.parse(bounded_text(path))
         if to_change is not None and "federation" in to_change.settings.model_fields_set:

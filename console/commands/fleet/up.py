@@ -38,12 +38,13 @@ class FleetStart:
 
     Attributes:
         notes: which platforms noted it, by text.
-        rejected: why platforms run nothing of what they were to run, by unit; not of those that wait for a host.
+        rejected: why platforms run nothing of their specification, by unit; platforms that wait for a host are left
+            out.
 
     Args:
         units: the platforms that start.
-        present: those that run already.
-        specified: those that start with a specification, which they take or reject.
+        present: the platforms that run already.
+        specified: the platforms that start with a specification, which they take or reject.
     """
 
     def __init__(self, units: Iterable[str], present: Iterable[str] = (), specified: Iterable[str] = ()) -> None:
@@ -116,7 +117,7 @@ def up(
     speed: Speed = 1.0,
     fault: Annotated[
         list[str] | None,
-        typer.Option(metavar="FAULT", help="One that begins by itself: '0 dropped-box at load+4s' (repeatable)."),
+        typer.Option(metavar="FAULT", help="A fault that begins by itself: '0 dropped-box at load+4s' (repeatable)."),
     ] = None,
     fault_seed: Annotated[int | None, typer.Option(metavar="K", min=0, help="A fault for each, drawn from K.")] = None,
     detach: Annotated[
@@ -127,7 +128,10 @@ def up(
         typer.Option(metavar="U", help="Start only this one here; the others run elsewhere (repeatable)."),
     ] = None,
     spec: Annotated[
-        Path | None, typer.Option(metavar="FILE.kpl", help="What each platform derives, exports, imports and monitors.")
+        Path | None,
+        typer.Option(
+            metavar="FILE.kpl", help="The specification of each platform: its streams, exports, imports and monitors."
+        ),
     ] = None,
     modules: UnitModules = None,
     feed: Feed = None,
@@ -169,7 +173,7 @@ def up(
 
 
 def default_specification(scenario: str) -> UnitFile | None:
-    """What platforms of a scenario derive where nothing else is given; None: nothing."""
+    """The ready specification of a scenario, for platforms that are given no other; None: there is none."""
     from sim_uavs.monitoring.specifications import READY
 
     ready = READY.get(scenario)
@@ -250,7 +254,7 @@ def gathered(call: Call, fleet: Fleet, configs: list[NodeConfig], present: Itera
 
 
 def _say_present(call: Call, present: list[str]) -> None:
-    """All that was asked for runs."""
+    """Report that all requested platforms run already."""
     call.out.say(
         f"platforms {', '.join(present)} run already, nothing is missing; dyknow down ends them.",
         event="running",

@@ -131,7 +131,7 @@ def _tell(call: Call, unit: str, log: ActLog, act: Act | None, *, full: bool) ->
 
 
 def _summary(act: Act, room: int) -> str:
-    """What it is about in `room` characters: the head of its content and the texts in it, `create-monitor proximity`."""
+    """A summary of its content in `room` characters: the head and the texts in it, `create-monitor proximity`."""
     if act.content is None:
         return ""
     words = [str(value) for value in act.content.arguments.values() if isinstance(value, str)]

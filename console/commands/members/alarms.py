@@ -1,4 +1,4 @@
-"""`dyknow alarms`: what monitors of all platforms report, once or as it happens."""
+"""`dyknow alarms`: alarms of the monitors of all platforms, once or as they come."""
 
 from collections.abc import Iterable, Mapping
 from typing import Annotated, Any
@@ -193,7 +193,7 @@ def because_json(reasons: Iterable[Because]) -> list[dict[str, Any]]:
 
 
 def _tell_change(call: Call, change: MonitorChange | PlatformChange) -> None:
-    """What makes it unknown whether there are alarms, or ends that."""
+    """Report a change that makes alarms unknown, or ends that."""
     colour = "green" if change.event in {"known", "back"} else "yellow" if change.event in {"ended", "left"} else "red"
     if isinstance(change, PlatformChange):
         unit, at_us = change.unit, change.at_us

@@ -37,7 +37,7 @@ SUCCESSOR_S = 8.0
 
 
 def typed_names() -> list[str]:
-    """What can be delegated, with what extensions bring that a variable or a file names."""
+    """The tasks that can be delegated, with those of extensions that a variable or a file names."""
     search_working_directory()
     return list(typed(load({}, None).extensions))
 
@@ -78,7 +78,7 @@ def delegate(
         if task != "goto":
             raise WrongCall(f"--wait arrival belongs to goto; expected goto, got {task}. Write --wait.")
         given = {**given, "until": "arrival"}
-    content_with(task, given, time.time_ns() // 1000, call.settings.extensions)  # what is wrong is known at once
+    content_with(task, given, time.time_ns() // 1000, call.settings.extensions)  # errors, before anything is sent
     with connected(call) as client:
         condition = None if when is None else (when, waits)
         if condition is None and (running := client.run(running_already(client, task, to, given))) is not None:

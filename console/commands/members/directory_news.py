@@ -1,4 +1,4 @@
-"""What changes in the directory, as one platform reports it: `dyknow ls --follow` (thesis 9.3.4)."""
+"""Changes of the directory, as one platform reports them: `dyknow ls --follow` (thesis 9.3.4)."""
 
 from functools import partial
 from typing import NoReturn

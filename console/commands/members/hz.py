@@ -109,7 +109,7 @@ def _newest(client: Client, label: str, units: Sequence[str]) -> dict[str, int]:
 
 
 def _record(unit: str, label: str, period_us: int | None, arrived: list[_Arrival]) -> dict[str, Any]:
-    """Of what lies between the first and the last sample that came; rates and losses of one alone are unknown.
+    """Rate and loss between the first and the last sample that came; of a single sample they are unknown.
 
     Without a declared period it is unknown how many were due, and so is the loss.
     """

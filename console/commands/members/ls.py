@@ -226,7 +226,7 @@ def _show_short(
 
 
 def _show_conditions(call: Call, records: list[dict[str, Any]], now_us: int) -> None:
-    """What platforms say is not as it should be there, such as `avoidance off: mode AUTO`."""
+    """Print the platforms' conditions, e.g. `avoidance off: mode AUTO`."""
     for record in records:
         for condition in record.get("conditions", ()):
             since = print_span(max(0, now_us - condition["since_us"]) // US_PER_S * US_PER_S)
@@ -235,7 +235,7 @@ def _show_conditions(call: Call, records: list[dict[str, Any]], now_us: int) -> 
 
 
 def _state(record: dict[str, Any], now_us: int) -> tuple[str, str]:
-    """The state in words, and its colour: what is there but brings no data is not green."""
+    """The state in words, and its colour: a platform without fresh data is not green."""
     state = record["state"]
     if "gone_us" in record:
         return gone_text(now_us - record["gone_us"]), "red"

@@ -1,4 +1,4 @@
-"""`dyknow monitors`: what is watched, in a line for each kind of monitor, or monitor by monitor."""
+"""`dyknow monitors`: the monitors, in a line for each kind, or one by one."""
 
 from typing import Annotated, Any
 
@@ -29,7 +29,7 @@ def monitors(
         typer.Option("--explain", help="Of those in alarm: which part of the formula does not hold, by which samples."),
     ] = False,
 ) -> int:
-    """What is watched, and what it shows: a line for each kind of monitor; exit 1 if there is none."""
+    """All monitors, and their states: a line for each kind of monitor; exit 1 if there is none."""
     with connected(call) as client:
         with call.out.waiting("asking for monitors"):
             found = client.run(all_monitors(client, explain=explain))
@@ -97,7 +97,7 @@ def _monitor_row(monitor: MonitorEntry, now_us: int) -> tuple[Shown, ...]:
 
 
 def _show_kind(call: Call, name: str, found: list[MonitorEntry]) -> None:
-    """`proximity: 42 ok, 14 unknown (3)`: how many show what; those that are not ok with the platforms concerned."""
+    """`proximity: 42 ok, 14 unknown (3)`: the monitors by state; other states than ok with the platforms concerned."""
     counts: list[Shown] = []
     shows = sorted({one.shows for one in found}, key=lambda word: (*_ORDER, word).index(word))
     for word in shows:

@@ -37,7 +37,9 @@ def watch(
     *,
     unit: Unit = None,
     every: Annotated[str, typer.Option(metavar="TIME", help="Sample period.")] = "200ms",
-    max_delay: Annotated[str, typer.Option(metavar="TIME", help="What is older when it is sent is dropped.")] = "1s",
+    max_delay: Annotated[
+        str, typer.Option(metavar="TIME", help="A sample that is older when it is sent is dropped.")
+    ] = "1s",
     from_: Annotated[
         str | None, typer.Option("--from", metavar="T", help="Valid from then on: now, +5s, ISO 8601, microseconds.")
     ] = None,
@@ -113,7 +115,7 @@ def _duration(client: Client, from_: str | None, to: str | None, every_us: int) 
 def _set_up(
     call: Call, client: Client, label: str, unit: str | None, every_us: int, delay_us: int, duration: _Duration
 ) -> list[Any]:
-    """Have the platforms export the stream to us; those that refuse are named."""
+    """Have the platforms export the stream to us; platforms that refuse are named."""
     with call.out.waiting(f"asking for a stream of {label}"):
         chosen = client.chosen(unit)
         units = agreeing(client, label, chosen, lambda name, why: call.out.note(f"platform {name}: {why}"))

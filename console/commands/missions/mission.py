@@ -55,7 +55,7 @@ def start(
     ] = None,
     whole: Annotated[bool, typer.Option("--whole", help="The actions are all of the plan.")] = False,
     timeout: Annotated[str, typer.Option(metavar="TIME", help="How long to search for a plan.")] = "10s",
-    name: Annotated[str, typer.Option(metavar="NAME", help="What the mission is called.")] = "",
+    name: Annotated[str, typer.Option(metavar="NAME", help="The name of the mission.")] = "",
     detach: Annotated[bool, typer.Option("--detach", "-d", help="Return when it is agreed to.")] = False,
 ) -> int:
     """Have platforms reach the goals of a problem; it continues when the command ends. Exit 1 if it is declined or not reached."""
@@ -135,7 +135,7 @@ def _tell(call: Call, name: str, step: str) -> None:
 
 @command(example="dyknow mission status")
 def status(call: Call, mission: Name = None) -> int:
-    """The missions that platforms lead, how far each is, and what it asks; exit 1 if there is none."""
+    """The missions that platforms lead, how far each is, and its question; exit 1 if there is none."""
     with connected(call) as client, call.out.waiting("asking for missions"):
         found = client.run(listed_missions(client))
     chosen = [(unit, entry) for unit, entry in found if mission in {None, entry.mission}]
@@ -211,7 +211,7 @@ def answer(
     text: Annotated[str, typer.Argument(metavar="ANSWER", help="One of the answers that status shows.")],
     mission: Name = None,
 ) -> int:
-    """The answer to what a mission asks."""
+    """The answer to the question of a mission."""
     with connected(call) as client:
         name = client.run(answer_question(client, mission, text))
     call.out.say(f"mission {name}: answered {text}", event="answered", mission=name, answer=text)

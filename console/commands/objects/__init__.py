@@ -1,5 +1,5 @@
 """Commands about objects and the roads on which they are.
 
-`link` reads recorded percepts, `world` recorded observations, `roads` files of road networks: what they show is made in the
-room `anchoring`. `objects` asks platforms.
+`link` reads recorded percepts, `world` recorded observations, `roads` files of road networks; the room `anchoring`
+computes their results. `objects` asks platforms.
 """

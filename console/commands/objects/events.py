@@ -1,4 +1,4 @@
-"""`dyknow explain` and `dyknow events`: what happened to the objects that platforms see, and the reasons."""
+"""`dyknow explain` and `dyknow events`: the events of objects that platforms see, and the reasons."""
 
 from collections.abc import Iterable
 from datetime import UTC, datetime
@@ -35,7 +35,7 @@ def explain(
     *,
     unit: Annotated[str | None, typer.Option("--unit", metavar="U", help="Of one platform only.")] = None,
 ) -> int:
-    """Why an object is what it is: its links, the conditions that made and ended them, and by which samples."""
+    """Why an object has its symbol: its links, the conditions that made and ended them, and by which samples."""
     with connected(call) as client:
         answers = client.run(lists(client, client.chosen(unit), ObjectEvents(symbol=symbol), ObjectEvents))
         found = _ordered(answers)
@@ -53,7 +53,7 @@ def events(
     unit: Annotated[str | None, typer.Option("--unit", metavar="U", help="Of one platform only.")] = None,
     follow: Annotated[bool, typer.Option("--follow", "-f", help="Also those to come.")] = False,
 ) -> int:
-    """What happened to objects: links made and ended, what was recognised of them; exit 1 if it is nothing."""
+    """The events of objects: links made and ended, chronicles recognised of them; exit 1 if there are none."""
     with connected(call) as client:
         units = client.chosen(unit)
         told = set[tuple[str, ObjectEvent]]()
@@ -66,7 +66,7 @@ def events(
             if not follow:
                 break
             told = {each for each in {*told, *found} if since_us is None or each[1].at_us > since_us}
-            if found:  # what becomes known late is asked for again
+            if found:  # events that become known late are requested again
                 since_us = max(since_us or 0, found[-1][1].at_us - 10 * US_PER_S)
             client.wait_for(lambda: False, EVERY_S)
     if not found:

@@ -1,4 +1,4 @@
-"""What linking percepts brings, as JSON lines or as text."""
+"""The results of linking percepts, as JSON lines or as text."""
 
 from typing import TYPE_CHECKING, Any
 

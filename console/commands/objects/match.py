@@ -1,4 +1,4 @@
-"""`dyknow match`: which percepts could be a described object, and what is to be done if that is ambiguous."""
+"""`dyknow match`: which percepts could be a described object, and the recovery if that is ambiguous."""
 
 from pathlib import Path
 from typing import Annotated, Literal

@@ -96,7 +96,7 @@ def _show(call: Call, found: dict[Key, ObjectEntry], now_us: int) -> None:
 
 
 def _tell_none(call: Call, type_: str | None, others: dict[Key, ObjectEntry]) -> None:
-    """That there is nothing, or nothing of a type, and what there is instead."""
+    """Report that there are no objects, or none of a type, and which other types there are."""
     types = sorted({name for each in others.values() for name in (each.type, each.stream)})
     if types:
         call.out.note(f"no platform sees an object of {type_}; there are objects of {', '.join(types)}.")

@@ -25,7 +25,7 @@ class JointPicture(NamedTuple):
 
 
 class FirstObjects:
-    """How long the first object of platforms is waited for that have just started: what they see has no name for two seconds."""
+    """How long to wait for the first object of new platforms: a new object has no name for two seconds."""
 
     def __init__(self, client: Client) -> None:
         self._client, self._until_us = client, client.now_us() + NEW_US
@@ -74,7 +74,7 @@ def show(call: Call, picture: JointPicture, now_us: int) -> None:
 
 
 def tell_changes(call: Call, before: JointPicture | None, after: JointPicture, now_us: int) -> None:
-    """What is new since before: platforms and objects that come and go, by which platforms each is seen, and where it is."""
+    """Report changes since `before`: platforms and objects that come and go, and which platforms see each."""
     members = after.members if before is None else before.members
     for unit in sorted(members ^ after.members):
         _tell_member(call, unit, "arrived" if unit in after.members else "departed")

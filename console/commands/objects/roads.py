@@ -24,7 +24,7 @@ def check(
         Path, typer.Argument(metavar="FILE", help="GeoJSON, OpenStreetMap XML, or a SUMO network (.net.xml).")
     ],
 ) -> int:
-    """What a road network holds, and every problem of its file; exit 1 if one is an error."""
+    """The contents of a road network, and every problem of its file; exit 1 if one is an error."""
     from anchoring.roads.files.formats import format_of, survey_any
     from anchoring.roads.files.summary import summary_of
 
@@ -67,7 +67,7 @@ def _contents(network: "RoadNetwork", summary: "RoadSummary") -> dict[str, Any]:
 
 
 def _sentence(contents: dict[str, Any]) -> str:
-    """What it has, where that is, and what can be recognised on it."""
+    """The elements of the network, its origin, and the manoeuvres that can be recognised on it."""
     parts = [counted(contents[name], name[:-1]) for name in ("crossings", "links", "lanes", "areas")]
     origin = contents["origin"]
     where = "x and y in metres" if origin is None else f"origin at {origin[0]:g}, {origin[1]:g}"

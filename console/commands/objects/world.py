@@ -1,4 +1,4 @@
-"""`dyknow world`: what exists, and how sure that is, from recorded observations."""
+"""`dyknow world`: the objects that exist, with degrees of belief, from recorded observations."""
 
 from pathlib import Path
 from typing import Annotated
@@ -35,7 +35,7 @@ def world(
         Path | None, typer.Option("--learn", metavar="FILE.toml", help="Write here what is worth remembering.")
     ] = None,
 ) -> int:
-    """What exists, its type and place, with degrees of belief; exit 2 if lines had to be left out."""
+    """Existing objects, their types and places, with degrees of belief; exit 2 if lines had to be left out."""
     from anchoring.belief.environment import EnvironmentModel
     from anchoring.belief.files.knowledge import print_known, read_knowledge
     from anchoring.belief.files.lines import ObservationReader

@@ -1,4 +1,4 @@
-"""Beliefs and what happens to them, as JSON lines or as text."""
+"""Beliefs and their events, as JSON lines or as text."""
 
 from collections import Counter
 from collections.abc import Iterable, Mapping, Sequence
@@ -58,7 +58,7 @@ class WorldOutput:
         self._out.line(record)
 
     def end(self) -> None:
-        """The table of what is believed in the end, and what was not taken as it came."""
+        """Print the table of the final beliefs, and the counts of observations that were left out."""
         counts = self._environment.counts
         if counts:
             listed = ", ".join(f"{number} {what}" for what, number in sorted(counts.items()))

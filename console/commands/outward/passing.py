@@ -1,4 +1,4 @@
-"""What commands have in common that pass on what the federation knows: how far it may go, and for how long."""
+"""The common part of commands that pass the federation's data on: how far it may go, and for how long."""
 
 import ipaddress
 import math
@@ -75,7 +75,7 @@ def say_begun(call: Call, to: str) -> None:
 
 
 def say_ended(call: Call, outlet: Outlet, recorder: Recorder, refused: int) -> None:
-    """What was sent and what was not, by reason."""
+    """Report the messages sent and lost, by reason."""
     counts = outlet.counts
     if outlet.lost or refused:
         why = ", ".join(f"{reason}: {count}" for reason, count in sorted(counts.items()) if reason != "sent")

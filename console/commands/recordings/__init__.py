@@ -1,4 +1,4 @@
 """Commands about recordings of federations: made, summarised, played back.
 
-What is in a file may come from anyone; it is shown as text only.
+A file may come from anyone; its contents are shown as text only.
 """

@@ -1,4 +1,4 @@
-"""`dyknow info`: what is in a recording of a federation."""
+"""`dyknow info`: the contents of a recording of a federation."""
 
 from datetime import timedelta
 from pathlib import Path
@@ -31,7 +31,7 @@ def info(
         typer.Option(metavar="NEW.mcap", help="Write what a recording that was cut off holds, with an index, here."),
     ] = None,
 ) -> int:
-    """What is in a recording: platforms, streams with their gaps, alarms, acts, and what could not be kept."""
+    """The contents of a recording: platforms, streams with their gaps, alarms, acts, and losses."""
     recording = FederationRecording(file)
     found = summary_of(recording)
     if call.out.json_lines:
@@ -104,7 +104,7 @@ def _show_alarms(call: Call, found: RecordingSummary) -> None:
 
 
 def _show_missing(call: Call, found: RecordingSummary) -> None:
-    """What the recording lacks, in words: each loss is counted and shown."""
+    """Print the gaps of the recording in words: each loss is counted and shown."""
     if not found.is_whole:
         call.out.note(
             "it was not ended, as by a crash; --mended NEW.mcap gives what can be read an index.", style="yellow"

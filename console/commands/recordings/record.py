@@ -1,4 +1,4 @@
-"""`dyknow record`: what a member of the federation sees of it, as an MCAP file."""
+"""`dyknow record`: a member's view of the federation, as an MCAP file."""
 
 import re
 from collections.abc import Iterable

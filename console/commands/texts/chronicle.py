@@ -38,7 +38,7 @@ def chronicle(
         str | None, typer.Option(metavar="TIME", help="Instances last no longer than this; bounds what is remembered.")
     ] = None,
     partial: Annotated[
-        bool, typer.Option("--partial", help="Also what may become an instance, and until when.")
+        bool, typer.Option("--partial", help="Also partial instances, and until when they wait.")
     ] = False,
 ) -> int:
     """Chronicles in recorded events, or over a platform's live streams; exit 1 if nothing was recognised."""
@@ -62,7 +62,7 @@ def chronicle(
 
 
 def chronicles_of(file: Path) -> "tuple[str, ChronicleFile]":
-    """The text, and what it declares; raises WrongCall and TextErrors."""
+    """The text, and its declarations; raises WrongCall and TextErrors."""
     from kpl import parse_chronicles
 
     text = read_text(file)
@@ -145,7 +145,7 @@ class _Recognition:
             self._rows.clear()
 
     def partial(self) -> None:
-        """What may become an instance (8.4): what is matched, what is missing, and when it is given up at the latest."""
+        """Print the partial instances (8.4): matched events, missing ones, and when each is given up at the latest."""
         rows = []
         for each in self._recogniser.partial_instances():
             instants = {name: _shown(at_ms) for name, at_ms in each.instants.items()}
@@ -162,7 +162,7 @@ class _Recognition:
             self._out.table("", columns, rows, right=("until",), wraps=("variables", "instants", "missing"))
 
     def notes(self) -> None:
-        """Note what was ignored, what is missing, and what was still open."""
+        """Note the ignored events, the missing ones, and the open instances."""
         note, recogniser = self._out.note, self._recogniser
         if not self.count and not self._out.json_lines:
             self._out.say("nothing was recognised")

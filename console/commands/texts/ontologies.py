@@ -1,4 +1,4 @@
-"""`dyknow ontology`: what semantic labels mean, in a file, or to the platforms of a federation."""
+"""`dyknow ontology`: the meanings of semantic labels, in a file, or to the platforms of a federation."""
 
 from pathlib import Path
 from typing import Annotated, TypeAlias
@@ -26,7 +26,7 @@ def show(
         Path | None, typer.Argument(metavar="[FILE.toml]", help="A file; without one: the federation.")
     ] = None,
 ) -> int:
-    """What each semantic label means: of a file, or to the platforms that run; exit 1 if two mean something different."""
+    """The meaning of each semantic label: of a file, or to the platforms that run; exit 1 if two mean something different."""
     if file is not None:
         for label in default_ontology().extended(read_ontology(file), str(file)).own():
             _tell(call, label, [], [])

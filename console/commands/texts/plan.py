@@ -31,7 +31,7 @@ def plan(
         Literal["automatic", "depth-first", "heuristic", "branch-and-bound", "best-first"],
         typer.Option(help="The first plan that is found, by one way or several, or the cheapest."),
     ] = "automatic",
-    monitors: Annotated[bool, typer.Option("--monitors", help="What is monitored while it is executed.")] = False,
+    monitors: Annotated[bool, typer.Option("--monitors", help="The monitors of its execution.")] = False,
     pddl: Annotated[
         Path | None,
         typer.Option(metavar="DIR", help="Write domain.pddl and problem.pddl there, and do not search."),

@@ -15,7 +15,7 @@ from runtime.configuration.instants import clock_time
 
 
 def tell_record(call: Call, said: dict[str, Any], *, begins_us: int | None = None) -> None:
-    """One JSON line of a platform; what is none of these is not shown. Times since `begins_us`, or by the clock."""
+    """One JSON line of a platform; other kinds are not shown. Times since `begins_us`, or by the clock."""
     kind = str(said.get("event"))
     if kind not in _SHOWN:
         return
@@ -87,7 +87,7 @@ def _found(said: dict[str, Any]) -> Shown:
 
 
 _SINCE_EVER: Final = -(2**59)
-"""What is before it is the instant of an initial value of a chronicle."""
+"""An earlier time is the instant of an initial value of a chronicle."""
 
 
 def _short(value: Any) -> str:

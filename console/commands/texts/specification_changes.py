@@ -27,7 +27,7 @@ _ANSWER_S = 5.0
 
 @command(example="dyknow kpl add 'monitor low = always altitude[self] > 30' --unit 0")
 def add(call: Call, text: Given, *, unit: Units) -> int:
-    """Have running platforms declare more; what they hold already continues."""
+    """Have running platforms declare more; their present declarations continue."""
     from federation.messages.contents import AddDeclarations
 
     given, files = _read(text)
@@ -36,7 +36,7 @@ def add(call: Call, text: Given, *, unit: Units) -> int:
 
 @command(example="dyknow kpl load mission.kpl --unit 0 --unit 1")
 def load(call: Call, text: Given, *, unit: Units) -> int:
-    """Have running platforms hold this specification in place of theirs; what both declare continues."""
+    """Have running platforms hold this specification in place of theirs; declarations of both continue."""
     from federation.messages.contents import LoadSpecification
 
     given, files = _read(text)
@@ -47,7 +47,8 @@ def load(call: Call, text: Given, *, unit: Units) -> int:
 def remove(
     call: Call,
     names: Annotated[
-        list[str], typer.Argument(metavar="NAME...", help="What is declared, with its kind where that is not clear.")
+        list[str],
+        typer.Argument(metavar="NAME...", help="The declared names, with their kind where that is not clear."),
     ],
     *,
     unit: Units,

@@ -29,7 +29,7 @@ def read_text(path: Path) -> SourceText:
 
 
 def read_lines(path: Path, read: "Callable[[Iterable[str], str], Read]", option: str, what: str) -> "Read":
-    """What `read` makes of the lines of a file and its name.
+    """The result of `read` for the lines of a file and its name.
 
     Raises:
         WrongCall: it cannot be read; `option` named it, and `what` says what it should be.

@@ -41,7 +41,7 @@ AWAITED_US = 10_000_000
 
 
 class Run:
-    """One specification, stepped through time: what is fed, and the deadlines of streams.
+    """One specification, stepped through time: its feed, and the deadlines of streams.
 
     Args:
         speed: how many times as fast as the wall; 0: as fast as it goes.
@@ -128,7 +128,7 @@ class Run:
         self._governor = Governor(self.instance, lambda: self._waited_us, self.now_us, limit_us)
 
     def record(self, out: IO[str], text: str) -> None:
-        """Write every sample of every generator and stream; what is recorded is computed."""
+        """Write every sample of every generator and stream; recording a stream makes it computed."""
         out.write(
             json.dumps(
                 {"specification": text, "file": str(self._path), "unit": self.instance.unit, "declared_us": self.now_us}
@@ -280,7 +280,7 @@ def run(
     feed: Feed = None,
     modules: UnitModules = None,
     roads: Roads = None,
-    unit: Annotated[str, typer.Option(metavar="U", help="What `self` means.")] = "0",
+    unit: Annotated[str, typer.Option(metavar="U", help="The unit for `self`.")] = "0",
     pace: Annotated[
         float | None,
         typer.Option(
@@ -306,7 +306,7 @@ def run(
     read = (file, feed, roads, *map(Path, modules or ()))
     if record is not None and any(_same(record, each) for each in read if each is not None):
         raise WrongCall(f"--record: {record} is read by this run; write to another file.")
-    watched = WatchedFiles(file) if watch else None  # before it is read: what changes meanwhile is a change
+    watched = WatchedFiles(file) if watch else None  # before it is read, so that a change meanwhile is noticed
     text = read_text(file)
     fed = [] if feed is None else read_samples(feed)
     speed = (0.0 if feed is not None else 1.0) if pace is None else pace

@@ -33,7 +33,7 @@ def check(
     modules: UnitModules = None,
     roads: Roads = None,
 ) -> int:
-    """Every error of a specification with its place and repair, and what is not reached; exit 1 if there is an error."""
+    """Every error of a specification with its place and repair, and unreachable declarations; exit 1 if there is an error."""
     from dyknow import Network
     from kpl import Hooks, read_specification
     from kpl.introspection.governor import speaks
@@ -81,10 +81,10 @@ def show(
         typer.Argument(metavar="[FILE]", help="A specification, mission.kpl, or chronicles, overtake.chr."),
     ] = None,
     unit: Annotated[
-        str | None, typer.Option(metavar="U", help="Instead of a file: what this running platform holds.")
+        str | None, typer.Option(metavar="U", help="Instead of a file: the specification of this running platform.")
     ] = None,
     configuration: Annotated[
-        int | None, typer.Option(metavar="N", min=0, help="What it held in an earlier configuration.")
+        int | None, typer.Option(metavar="N", min=0, help="That of an earlier configuration.")
     ] = None,
     restore: Annotated[
         int | None, typer.Option(metavar="N", min=0, help="Have it hold that configuration again.")
@@ -106,11 +106,11 @@ def graph(
     roads: Roads = None,
     unit: Annotated[
         str | None,
-        typer.Option(metavar="U", help="What `self` means; without a file: what this running platform does."),
+        typer.Option(metavar="U", help="The unit for `self`; without a file: the network of this running platform."),
     ] = None,
     form: Annotated[GraphForm, typer.Option("--form", "--format", help="How it is drawn.")] = "text",
 ) -> int:
-    """The network of a specification, or of a running platform with rates, delays and drops: what is made of what."""
+    """The network of a specification, or of a running platform with rates, delays and drops: each stream and its inputs."""
     from dyknow import Network
     from kpl import Hooks, parse_specification
     from kpl.introspection.governor import listens, speaks
@@ -228,7 +228,7 @@ def held(
 
 
 def _picture(unit: str, text: str) -> str:
-    """What a platform runs is drawn here, of what it says about that."""
+    """Draw a platform's network from its own description."""
     from kpl.introspection.drawings import graph_of_json
     from kpl.introspection.picture import as_svg
 

@@ -25,7 +25,8 @@ def verify(
     call: Call,
     file: SpecificationFile,
     journal: Annotated[
-        Path, typer.Option(metavar="FILE", help="What `kpl run --record` wrote, or the journal of a platform, U.mcap.")
+        Path,
+        typer.Option(metavar="FILE", help="The record of `kpl run --record`, or the journal of a platform, U.mcap."),
     ],
     modules: UnitModules = None,
 ) -> int:

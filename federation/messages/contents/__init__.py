@@ -1,4 +1,4 @@
-"""What acts say: one strict model for each head an expression may have; `read` understands, `expr()` says."""
+"""Contents of acts: one strict model for each head an expression may have; `read` reads, `expr()` writes."""
 
 from federation.messages.contents.answers import Cancel, Done, Progress, Reason
 from federation.messages.contents.areas import AreaRing, AssignArea, DivideArea

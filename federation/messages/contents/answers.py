@@ -17,7 +17,7 @@ class Reason(Content):
 
 
 class Done(Content):
-    """What was asked for is done."""
+    """The request is done."""
 
     text: Prose | None = None
 

@@ -1,4 +1,4 @@
-"""Calls for a stream, and what is proposed for them: the contract net of FIPA (SC00029; thesis 9.2.3)."""
+"""Calls for a stream, and proposals for them: the contract net of FIPA (SC00029; thesis 9.2.3)."""
 
 from dyknow.model.instants import US_PER_S
 from federation.messages.contents import parts

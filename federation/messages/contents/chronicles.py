@@ -1,4 +1,4 @@
-"""Contents about chronicles: which platform watches for which, and what was recognised (thesis 8.2-8.4)."""
+"""Contents about chronicles: which platform watches for which, and recognised instances (thesis 8.2-8.4)."""
 
 from typing import Annotated
 
@@ -46,7 +46,7 @@ class Recognised(Content):
 
 
 class Expected(Content):
-    """What may become an instance: symbols and times (us) so far, what is `missing`, and until when it is waited for.
+    """A partial instance: symbols and times (us) so far, the `missing` events, and until when it is waited for.
 
     With `over` it is expected no more: it has become another one, an instance, or is given up.
     """

@@ -45,7 +45,7 @@ class Follow(Content):
 
 
 class Attend(Content):
-    """Turn the camera to what is to be learnt: objects that are lost, new, wanted or undecided."""
+    """Turn the camera to the objects with the greatest need: lost, new, wanted or undecided ones."""
 
 
 class Land(Content):
@@ -82,7 +82,7 @@ class Fault(Content):
 
 
 class Fence(ContentPart):
-    """What a vehicle does not leave, or an exclusion does not enter: around a place, or within corners; metres above its home."""
+    """An area that a vehicle does not leave, or enter if excluded: around a place, or within corners; above its home."""
 
     name: Line
     centre: Corner | None = None
@@ -97,10 +97,10 @@ class FlightOutlook(Content):
 
     Attributes:
         commander: who has the vehicle, as `agents.flight.arbiter` names it.
-        doing: what it flies, in words.
+        doing: its flight, in words.
         ahead: the places that it flies to next, in their order; `again`: over and over.
         altitude_m: of the first of them, above mean sea level.
-        origin: what metres in the streams of its objects are counted from.
+        origin: the origin of metres in the streams of its objects.
     """
 
     commander: Word | None = None

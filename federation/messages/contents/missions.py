@@ -28,7 +28,7 @@ class FlyMission(parts.Content):
     Attributes:
         mission: its name, by which vehicles are permitted to take part.
         platforms: by unit of the problem, the platform that has that vehicle.
-        chain: those that have delegated it, the first one first.
+        chain: the delegators, the first one first.
     """
 
     mission: parts.Conversation

@@ -70,16 +70,15 @@ class Monitors(parts.Content):
 
 
 IDLE = "idle"
-"""What a monitor shows that has no other platform to watch."""
+"""The state of a monitor that has no other platform to watch."""
 
 
 class MonitorEntry(parts.ContentPart):
     """One monitor: its verdict, and the state of its inputs (`which` are not fresh, since when).
 
     `states` says in KPL what its states are made of, unless that is long, `counted` how many lacked something, and
-    what. `because` are the parts of the formula that opened
-    the alarm that is open, if that was asked for. `margin`: how far the formula is from being violated, in the units of what
-    it compares.
+    what. `because` are the parts of the formula that opened the alarm that is open, if that was asked for. `margin`:
+    how far the formula is from being violated, in the units of its comparison.
     """
 
     head: ClassVar[str] = "monitor"
@@ -184,7 +183,7 @@ class When(parts.Content):
 
 
 class Verdict(parts.Content):
-    """What a formula came to, and the state that decided it; `no_value` features had none, nor had `missing` inputs.
+    """The verdict of a formula, and the state that decided it; `no_value` features had none, nor had `missing` inputs.
 
     `states` says in KPL what its states were made of; nothing where that is very long.
     """

@@ -93,12 +93,12 @@ class Share(parts.Content):
 
 
 class ObjectEvent(parts.ContentPart):
-    """What happened to a link of two objects, to an object, or what was recognised of objects (thesis 8.5, 8.7).
+    """An event of a link of two objects, of an object, or a chronicle recognised of objects (thesis 8.5, 8.7).
 
     Attributes:
-        event: `established`, `reestablished`, `unlinked`, `reclassified`, `forgotten`, `recognised`; of what is `wanted`
-            also `find`, `track`, `reacquire`, `lost`.
-        source, target: the objects of the link; of what was recognised `target` is the chronicle and its arguments.
+        event: `established`, `reestablished`, `unlinked`, `reclassified`, `forgotten`, `recognised`; of a `wanted`
+            object also `find`, `track`, `reacquire`, `lost`.
+        source, target: the objects of the link; of a recognised chronicle `target` is the chronicle and its arguments.
     """
 
     at_us: parts.Instant
@@ -109,7 +109,7 @@ class ObjectEvent(parts.ContentPart):
 
 
 class ObjectEvents(parts.Content):
-    """What happened: to one object, or to all later than a time; the query is without `events`, the answer with them."""
+    """Events of one object, or all later than a time; the query is without `events`, the answer with them."""
 
     symbol: parts.Word | None = None
     since_us: parts.Instant | None = None

@@ -1,9 +1,9 @@
-"""What acts say: one strict model for each head an expression may have. `read` understands, `expr()` says.
+"""Contents of acts: one strict model for each head an expression may have. `read` understands, `expr()` says.
 
-A content is validated whole when it is read: each field is of one of the sorts below, which say in which range a number is
-that later arithmetic bears, and how long, and how deeply nested, a text is. What a handler gets needs no check of that kind.
-Periods and delays are seconds (`_s`), as the thesis prints them; instants are microseconds since the epoch (`_us`).
-Names print with hyphens, but for those that name a quantity (`altitude_m`).
+A content is validated whole when it is read: each field is of one of the sorts below, which say in which range a number
+is that later arithmetic bears, and how long, and how deeply nested, a text is. A handler needs no such check. Periods
+and delays are seconds (`_s`), as the thesis prints them; instants are microseconds since the epoch (`_us`). Names print
+with hyphens, but for those that name a quantity (`altitude_m`).
 """
 
 import re
@@ -70,11 +70,11 @@ def _shown(value: str) -> str:
 
 
 _CONTROLS = re.compile(r"[\x00-\x08\x0b\x0c\x0e-\x1f\x7f-\x9f\u202a-\u202e\u2066-\u2069]")
-"""What commands a terminal, or turns the order of characters; tabs and ends of lines are part of a text."""
+"""Characters that command a terminal, or turn the order of characters; tabs and ends of lines are part of a text."""
 
 
 def uncontrolled(text: str) -> str:
-    """The text of others without control characters: what a `Formula` may hold."""
+    """The text of others without control characters, as a `Formula` may hold it."""
     return _CONTROLS.sub("?", text)
 
 
@@ -189,7 +189,7 @@ class ContentPart(BaseModel):
 
 @cache
 def _defaults(kind: type[ContentPart]) -> dict[str, Any]:
-    """What the parameters of a content are where they are left out, by field."""
+    """The defaults of the parameters of a content, by field."""
     optional = {name: field for name, field in kind.model_fields.items() if not field.is_required()}
     return {name: field.get_default(call_default_factory=True) for name, field in optional.items()}
 
@@ -239,7 +239,7 @@ def prepare() -> None:
 
 
 def read(expr: Expr) -> Content:
-    """What an expression says.
+    """The content of an expression.
 
     Raises:
         ContentError: its head or a parameter is unknown, missing, or not what it should be; the message names it.
@@ -254,7 +254,7 @@ def read(expr: Expr) -> Content:
 
 
 def in_words(wrong: ValidationError) -> str:
-    """What is wrong with a content, and in which of its parameters."""
+    """The error of a content, with the parameter."""
     first = wrong.errors(include_url=False, include_input=False)[0]
     place = ".".join(str(step) for step in first["loc"])
     message = first["msg"].removeprefix("Value error, ")

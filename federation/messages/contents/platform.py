@@ -22,7 +22,7 @@ class TaskEntry(parts.ContentPart):
 
     Attributes:
         ended_by: the platform that ended it here, which is neither its delegate nor a command centre.
-        monitors: what it monitors, by name; `avoidance`: whether platforms then give way to each other.
+        monitors: the monitored formulas, by name; `avoidance`: whether platforms then give way to each other.
     """
 
     head: ClassVar[str] = "task"
@@ -43,7 +43,7 @@ class TaskList(parts.Content):
 
 
 class TaskOver(parts.Content):
-    """A task is over everywhere: what was permitted or assigned for it counts no longer. Of the platform that leads it."""
+    """A task is over everywhere: permits and assignments for it no longer count. Of the platform that leads it."""
 
     task: parts.Conversation
 
@@ -98,7 +98,7 @@ class Found(parts.Content):
 
 
 class Specification(parts.Content):
-    """What does your instance hold? `number`: what it held in an earlier configuration, counted from 0.
+    """What does your instance hold? `number`: an earlier configuration, counted from 0.
 
     As KPL, or what runs of it now as a graph in another form.
     """
@@ -159,7 +159,7 @@ class RemoveDeclarations(parts.Content):
 
 
 class SpecificationChanged(parts.Content):
-    """Configuration `number` is held from now on: what came and what went of it; `more` such are not listed."""
+    """Configuration `number` is held from now on: its new and removed declarations; `more` such are not listed."""
 
     number: Count
     added: Annotated[tuple[parts.Line, ...], Field(max_length=MAX_NAMES)] = ()

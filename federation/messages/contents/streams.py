@@ -179,7 +179,8 @@ class StreamSamples(parts.Content):
 
 
 class Answers(parts.Content):
-    """The answer to a global query: what each platform answered, those that did not, and the one value of them all.
+    """The answer to a global query: the answer of each platform, the platforms without one, and the one value of them
+    all.
 
     `more`: the rest follows in further acts; `missing` and the one value come with the last.
     """
@@ -192,7 +193,7 @@ class Answers(parts.Content):
 
 
 class ImportAccount(parts.ContentPart):
-    """What became of the samples of one imported stream, by number (`federation.sharing.streams.StreamAccount`).
+    """The counts of the samples of one imported stream, by number (`federation.sharing.streams.StreamAccount`).
 
     `missing` are known to exist and asked for, `lost` are no longer held; both 0: no gap. Of each `every` samples of its
     period one is sent: more than 1 while the owner has too much to do. `delay_s` is from the valid time of the newest to its

@@ -1,1 +1,1 @@
-"""The lists of an autopilot, read by the mission protocol: its mission and its fence, item by item, and what they mean here."""
+"""The lists of an autopilot, read by the mission protocol: the items of its mission and its fence, interpreted."""

@@ -1,7 +1,8 @@
 """A list of an autopilot, read by the mission protocol, whatever its items are.
 
-No socket and no clock. MISSION_REQUEST_LIST brings MISSION_COUNT, and each MISSION_REQUEST_INT its item; what does not come
-is requested again. A list is read when the vehicle is met, when it acknowledges an upload of another station, and once a minute.
+No socket and no clock. MISSION_REQUEST_LIST brings MISSION_COUNT, and each MISSION_REQUEST_INT its item; a missing
+answer is requested again. A list is read when the vehicle is met, when it acknowledges an upload of another station,
+and once a minute.
 """
 
 from abc import ABC, abstractmethod
@@ -83,7 +84,7 @@ class ItemList(ABC):
         return False
 
     def due(self, target: Target, now_us: int) -> list[Any]:
-        """What is to be sent now."""
+        """The messages to send now."""
         if self._acknowledges:
             self._acknowledges, self._due_us = False, now_us + _READ_US
             return [mavlink.MAVLink_mission_ack_message(*target, mavlink.MAV_MISSION_ACCEPTED, self._kind)]
@@ -105,7 +106,7 @@ class ItemList(ABC):
         return [mavlink.MAVLink_mission_request_int_message(*target, len(self._items), self._kind)]
 
     def take_problems(self) -> list[str]:
-        """What is wrong with the list, each sentence once."""
+        """The problems of the list, each sentence once."""
         problems, self.problems = self.problems, []
         return problems
 

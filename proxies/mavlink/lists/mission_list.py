@@ -28,7 +28,7 @@ _RELATIVE: Final = frozenset({mavlink.MAV_FRAME_GLOBAL_RELATIVE_ALT, mavlink.MAV
 def read_mission(
     items: Sequence[ListItem], home_m: float | None, first: int = 0
 ) -> tuple[tuple[MissionItem, ...], list[str]]:
-    """What the items fly, and a sentence for each item where that is not known.
+    """The flight of the items, and a sentence for each item whose flight is unknown.
 
     Args:
         items: the whole list.
@@ -48,7 +48,7 @@ def read_mission(
 
 
 def _read(at: int, item: ListItem, home_m: float | None) -> MissionItem | str | None:
-    """What the item flies; a text: why that is not known; None: it flies nowhere."""
+    """The flight of the item; a text: why it is unknown; None: it flies nowhere."""
     step = _STEPS.get(item.command)
     if step is None:
         moves = item.command <= _LAST_MOVING or item.command == mavlink.MAV_CMD_DO_JUMP
@@ -106,6 +106,6 @@ class MissionPlanList(ItemList):
         return self.steps != before
 
     def _on_too_long(self) -> bool:
-        """What was read before is no longer its mission."""
+        """Forget the mission that was read before."""
         before, self.steps, self._whole = self.steps, (), ()
         return self.steps != before

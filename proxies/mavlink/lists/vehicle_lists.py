@@ -18,7 +18,7 @@ _HOME_ALTITUDE_M = 0.5
 
 
 class VehicleLists:
-    """What is read of one vehicle by the mission protocol."""
+    """The lists of one vehicle, read by the mission protocol."""
 
     def __init__(self) -> None:
         self.fence, self.mission = FenceList(), MissionPlanList()
@@ -34,7 +34,7 @@ class VehicleLists:
         return self.fence, self.mission
 
     def on_message(self, message: Any, known: VehicleReports, valid_us: int) -> Iterator[Report]:
-        """What a message of the vehicle changes in its lists; `known`: what it has reported before."""
+        """Take a message of the vehicle into its lists; `known`: its earlier reports."""
         if self.fence.on_message(message):
             yield known.fence(self.fence.areas, valid_us)
         if message.get_type() == "MISSION_CURRENT":
@@ -48,7 +48,7 @@ class VehicleLists:
             yield MissionPlanReport(valid_us, self.mission.steps)
 
     def due(self, target: Target, now_us: int) -> list[Any]:
-        """What is to be sent now; a list is not begun while another one is read."""
+        """The messages to send now; a list is not begun while another one is read."""
         busy = next((each for each in self._all if each.is_busy), None)
         for each in self._all if busy is None else (busy,):
             messages = each.due(target, now_us)
@@ -57,5 +57,5 @@ class VehicleLists:
         return []
 
     def take_problems(self) -> list[str]:
-        """What is wrong with the lists, each sentence once."""
+        """The problems of the lists, each sentence once."""
         return [problem for each in self._all for problem in each.take_problems()]

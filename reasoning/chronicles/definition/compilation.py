@@ -29,7 +29,7 @@ class Pattern:
         equal: pairs of positions that must hold the same symbol.
         known: positions that must not be unknown.
         key: positions of the bound variables, `variables` in the same order.
-        conditions: what the event alone must satisfy, with the position of each variable.
+        conditions: conditions on the event alone, with the position of each variable.
         plural: whether several events of one time and key are distinguished, because they are counted.
     """
 
@@ -87,7 +87,8 @@ class Compiled:
         bounds: minimal network of these instants; `aged`: the same with the maximum age.
         conditions: on bound variables of several patterns.
         begins: where the intervals of all predicates begin.
-        unbounded: what may have to be remembered for ever, as written; empty if time or a maximum age bounds all of it.
+        unbounded: the predicates whose events may have to be remembered for ever, as written; empty if time or a
+            maximum age bounds all of them.
     """
 
     name: str
@@ -206,7 +207,7 @@ class _Compilation:
     def _node(
         self, count: Count, conditions: Sequence[Condition], homes: Mapping[int, list[Condition]], wild: set[str]
     ) -> tuple[EventNode | None, CountNode | None]:
-        """What a predicate becomes: an event that fixes its instant, something counted, or both."""
+        """The compiled predicate: an event that fixes its instant, a counted one, or both."""
         places = _places(count)
         across: list[tuple[Condition, tuple[tuple[str, int], ...]]] = []
         alone: list[Condition] = []
@@ -259,7 +260,7 @@ class _Compilation:
         return self._patterns.setdefault(pattern, len(self._patterns))
 
     def _placed(self, count: CountNode, events: Sequence[EventNode]) -> CountNode:
-        """With what depends on all events: whether its own may come last, and bind variables."""
+        """A count with properties that depend on all events: whether its own may come last, and bind variables."""
         patterns = tuple(self._patterns)
         bound = {slot for event in events for slot in patterns[event.pattern].variables}
         end, shift = count.end

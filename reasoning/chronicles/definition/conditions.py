@@ -21,7 +21,7 @@ LIMIT_PARTS: Final = 10_000
 Environment: TypeAlias = Mapping[str, str | None]
 Test: TypeAlias = Callable[[Environment], bool]
 Binding: TypeAlias = Mapping[str, model.Parameter]
-"""What the variables of a text stand for in the whole: by `?name`."""
+"""The parameters that a text's variables stand for in the whole, by `?name`."""
 
 
 @dataclass(frozen=True, slots=True)
@@ -34,7 +34,7 @@ class Condition:
 
 
 def resolved(parameter: model.Parameter, prefix: str, binding: Binding) -> model.Parameter:
-    """A parameter in the names of the whole: what it is bound to, else its name behind the prefix."""
+    """A parameter in the names of the whole: the one it is bound to, else its name behind the prefix."""
     if isinstance(parameter, str) or not parameter.name:
         return parameter
     return binding.get(str(parameter), replace(parameter, name=prefix + parameter.name))

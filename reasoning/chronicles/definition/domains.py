@@ -54,7 +54,7 @@ def symbol_text(symbol: object) -> str:
 
 @dataclass(frozen=True, slots=True)
 class SymbolSet:
-    """What a domain comes to: these symbols, or all but these. `x in found` asks for one."""
+    """The symbols of a domain: these, or all but these. `x in found` asks for one."""
 
     symbols: frozenset[str] = frozenset()
     all_but: bool = False

@@ -41,7 +41,7 @@ class Count:
     """occurs(minimum, maximum, type, (begin, end)); maximum None is oo.
 
     Attributes:
-        declared: what the attribute or message demands of its events, over positions: `?0`, `?1`, ...
+        declared: the constraints that the attribute or message declares for its events, over positions: `?0`, `?1`, ...
         said: its text.
     """
 
@@ -183,7 +183,7 @@ class _Expansion:
             self._into.differences += chained(("<",), (begin, end), said)
 
     def type(self, type_: model.EventType, prefix: str, binding: Binding) -> model.EventType:
-        """An event type in the names of the whole; its number of arguments is that of what is declared."""
+        """An event type in the names of the whole; its number of arguments is checked against its declaration."""
         declared = self._declared.get(type_.name) or self._chronicles.get(type_.name)
         if declared is not None and len(declared.parameters) != len(type_.arguments):
             raise ChronicleError(f"{type_}: {type_.name} is declared with {len(declared.parameters)} arguments")
@@ -200,7 +200,7 @@ class _Expansion:
         return replace(type_, arguments=arguments, change=change)
 
     def _demanded(self, type_: model.EventType) -> tuple[Condition, ...]:
-        """What is declared of an event's arguments and its new value, and of its old one unless that is unknown."""
+        """The declared constraints of an event's arguments and new value, and of its old one unless unknown."""
         declared = self._declared.get(type_.name)
         if declared is None:
             return ()

@@ -1,8 +1,8 @@
-"""Chronicles as data: the language of thesis 8.3, and what it means (C1-C7).
+"""Chronicles as data: the language of thesis 8.3, and its meaning (C1-C7).
 
 **Events.** An event is a message `n[a1, ..., ak]` or a change `n[a1, ..., ak]:(v, w)` of an attribute, at a time in
 milliseconds. All arguments and values are symbols; `v` is unknown (None) in the first event of an attribute (C2).
-What happens in one millisecond is a set: the same event twice in it is one event (C1). An event is of an event type
+The events of one millisecond are a set: the same event twice in it is one event (C1). An event is of an event type
 if name, number of arguments and kind agree, every symbol is where the type has that symbol, equal `?variables` hold
 equal symbols, and the constraints of its attribute or message hold, those on `?value` for the new value and, unless
 it is unknown, for the old one. `?` and `*` hold anything, unknown too; a `?variable` or `*variable` holds symbols only.
@@ -24,8 +24,8 @@ with m the number of events of TYPE under s at times u(a) <= time < u(b), time <
 * n1 <= m, and
 * n2 = oo, or m <= n2 and the interval has passed: u(b) <= T, or it is empty: u(b) <= u(a).
 
-So at clock T everything before T is final and what has come at T is there; an empty interval holds no event, hence
-`noevent(T, (t2 + 1, t3 - 1))` holds if t3 = t2. Nothing that comes later unsettles what is settled.
+So at clock T everything before T is final and the events that came at T count; an empty interval holds no event, hence
+`noevent(T, (t2 + 1, t3 - 1))` holds if t3 = t2. No later event unsettles a settled instance.
 
 **Instance.** An instance is a chronicle, s, and the times of the instants fixed by events: the free ones are
 existential windows (C5). It is recognised at the least T at which some times of its free instants make it settled,
@@ -322,7 +322,7 @@ Declaration: TypeAlias = DomainDefinition | NamedConstraint | ComplexConstraint 
 
 @dataclass(frozen=True, slots=True)
 class ChronicleFile:
-    """Everything that one text declares, in its order. Attributes and messages that are only used need no declaration."""
+    """All declarations of one text, in their order. Attributes and messages that are only used need no declaration."""
 
     declarations: tuple[Declaration, ...] = ()
 

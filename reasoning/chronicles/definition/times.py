@@ -34,7 +34,7 @@ class Interval:
         return self + Interval(by_ms, by_ms)
 
     def __add__(self, other: "Interval") -> "Interval":
-        """What the sum of an instant of each can be."""
+        """The possible sums of an instant of each."""
         return Interval(_sum(self.low_ms, other.low_ms), _sum(self.high_ms, other.high_ms))
 
     def __neg__(self) -> "Interval":

@@ -2,9 +2,9 @@
 
 Each attribute is a label of a fluent stream of discrete values. Samples arrive in the order of valid time; each one
 moves the clock to its millisecond, and is an event if its value differs from the last one of its stream. The first
-value is a change from unknown at its valid time, or, of the streams that `initially` says, a value since ever (C2; 8.4):
-what a map says has been so, also if it was read after the first car came. What cannot be an event is counted and changes
-nothing (C3).
+value is a change from unknown at its valid time, or, for the streams that `initially` names, a value since ever (C2;
+8.4): properties of a map have always been so, also if it was read after the first car came. A value that cannot be an
+event is counted and changes nothing (C3).
 """
 
 from collections import Counter
@@ -50,7 +50,7 @@ class ChangeEvents:
         self._last: dict[Label, str] = {}
 
     def on_sample(self, label: Label, valid_us: int, value: object) -> list[ChronicleInstance]:
-        """A sample of the stream `label`; what is recognised by it, or was due before it."""
+        """Take a sample of the stream `label`; returns the instances recognised by it, or due before it."""
         recogniser = self.recogniser
         at_ms = valid_us // US_PER_MS
         if value is NO_VALUE or value is None:

@@ -24,7 +24,7 @@ _LONGEST: Final = 512
 
 
 class RecordedEvent(NamedTuple):
-    """What a line says.
+    """The event in a line.
 
     Attributes:
         at_ms: floored to the chronicles' clock (C1); `MINUS_INFINITY` for a value that has always been.
@@ -39,7 +39,7 @@ class RecordedEvent(NamedTuple):
     line: int
 
     def told_to(self, recogniser: Recogniser) -> list[ChronicleInstance]:
-        """Step a recogniser by it; what is recognised."""
+        """Step a recogniser by it; returns the recognised instances."""
         if self.label is None:
             return recogniser.on_time(self.at_ms)
         if self.change is None:

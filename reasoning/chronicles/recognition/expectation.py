@@ -18,13 +18,12 @@ LIMIT_TRIED: Final = 100_000
 
 
 class Partial(NamedTuple):
-    """What may become an instance.
+    """A partial instance.
 
     Attributes:
         bindings: symbols of the variables known so far.
         instants: times of the instants that have their event, ms.
-        missing: what is still to come, as the chronicle has it: predicates whose events are not there, or whose
-            interval is not over.
+        missing: the predicates, as written in the chronicle, whose events are missing, or whose interval is not over.
         dies_ms: the clock at which it is given up if nothing comes, at the latest; None: never.
     """
 

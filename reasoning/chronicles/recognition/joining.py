@@ -20,7 +20,7 @@ LIMIT_JOINED: Final = 1_000_000
 """Events, or keys of events, examined for one event."""
 
 Environment: TypeAlias = list[Any]
-"""Symbols by slot of a bound variable; what is not known yet is whatever was there."""
+"""Symbols by slot of a bound variable; the content of a slot without a known symbol is meaningless."""
 
 
 class Guard(NamedTuple):
@@ -41,10 +41,10 @@ class JoinStep:
         instant: the instant that they fix; None: only the values of their variables are looked for.
         known: picks the key, or the known part of it, from the environment.
         index: keys by their known part; None: the key is known, or nothing of it.
-        fills: (slot, place in the key) of what is learned; place None: the key is the value itself.
+        fills: (slot, place in the key) of new symbols; place None: the key is the value itself.
         before: instants that have times already.
         windows: (instant that has a time, most after it, most before it), and the same for one since ever.
-        conditions: what the environment must satisfy from here on.
+        conditions: conditions on the environment from here on.
         guards: predicates that can be looked at from here on; a limit that is exceeded ends the search here.
     """
 
@@ -114,8 +114,8 @@ class Plan:
             yield self._step(node)
 
     def _cost(self, node: EventNode | CountNode) -> tuple[bool, bool, int, bool, int]:
-        """What agrees with nothing known comes last, what a predicate with an upper limit leaves few of comes first;
-        then unknown variables, and how far the known instants leave it.
+        """The order of joins: nodes that share no known variable come last, then those that an upper limit makes few
+        come first, then unknown variables, and the width of the window.
         """
         variables = set(self._compiled.patterns[node.pattern].variables)
         unknown, apart = len(variables - self._variables), bool(variables) and not variables & self._variables

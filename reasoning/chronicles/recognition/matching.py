@@ -1,8 +1,8 @@
-"""The recogniser of one chronicle: what is remembered, what is joined when, what waits for the clock.
+"""The recogniser of one chronicle: remembered events, joins, and instances that wait for the clock.
 
-An event is remembered if a predicate speaks of it; if it can be the last one, a join finds what it completes. What
-is found is an instance at once, never, or waits: for the end of an interval with an upper limit, or for events that
-are still to be counted. Only such complete sets of events are objects; everything else is times in lists.
+An event is remembered if a predicate speaks of it; if it can be the last one, a join finds what it completes. Such a
+set of events is an instance at once, never, or waits: for the end of an interval with an upper limit, or for events
+that are still to be counted. Only such complete sets of events are objects; everything else is times in lists.
 """
 
 from collections import Counter, deque
@@ -21,14 +21,14 @@ SWEEP_AFTER: Final = 1024
 """New events that are remembered before all keys are examined, or as many as remained last time, whichever is more."""
 
 LIMIT_DOOMED: Final = 100_000
-"""So much is known beforehand of what is to be forgotten; what is not, is found when there are too many of a key."""
+"""Most events that are known beforehand to be forgotten; the others are found when there are too many of a key."""
 
 Identity: TypeAlias = tuple[tuple[Any, ...], tuple[int, ...]]
 
 
 @dataclass(frozen=True, slots=True)
 class RecognitionLimits:
-    """Hard caps; what they cut off is counted as incomplete (C6). Those of events hold after each tidying: there may
+    """Hard caps; events beyond them are counted as incomplete (C6). Those of events hold after each tidying: there may
     be twice as many before.
     """
 
@@ -73,7 +73,7 @@ class Matcher:
     """Recognises one chronicle. Events come in the order of time; times are ms.
 
     Attributes:
-        incomplete: what was cut off by a limit, by reason.
+        incomplete: counts of events and instances beyond a limit, by reason.
     """
 
     def __init__(self, compiled: Compiled, limits: RecognitionLimits) -> None:
@@ -329,7 +329,7 @@ class Matcher:
                 store.keep(key, kept)
 
     def _forget_told(self) -> None:
-        """What was reported cannot be found again once one of its events is forgotten, or all that it counted."""
+        """Forget reported instances that cannot be found again, since an event or all counted ones are forgotten."""
         if self._told:
             self._told = {one for one in self._told if self._remembered(*one)}
         if not self.compiled.fixed:

@@ -1,7 +1,7 @@
 """Recognition of many chronicles over one stream of events, online (thesis 8.4).
 
-The clock is in ms and moves with the events and with `on_time`. Whatever is recognised is returned by the call that
-made it certain, with the clock at which it was: when an event comes, what was due before is reported first. A recognised
+The clock is in ms and moves with the events and with `on_time`. Instances are returned by the call that made them
+certain, with the clock of that: when an event comes, instances that were due before it are reported first. A recognised
 chronicle is an event of others at that clock (8.2).
 """
 
@@ -15,7 +15,7 @@ from reasoning.chronicles.definition.model import ChronicleFile
 from reasoning.chronicles.definition.times import LIMIT_MS
 from reasoning.chronicles.recognition.expectation import LIMIT_TRIED, Partial, partial_instances
 from reasoning.chronicles.recognition.matching import ChronicleInstance, Matcher, RecognitionLimits
-from reasoning.chronicles.recognition.stores import MINUS_INFINITY, Values
+from reasoning.chronicles.recognition.stores import MINUS_INFINITY, Key, Values, getter
 
 LIMIT_SELECTIONS: Final = 4096
 """Combinations of symbols, per event name, whose selection is remembered."""
@@ -29,17 +29,17 @@ class _Dispatch:
 
     def __init__(self) -> None:
         self._targets: list[tuple[Matcher, int, Pattern]] = []
-        self._places: tuple[int, ...] = ()
-        self._selected: dict[Values, Targets] = {}
+        self._symbols = getter(())
+        self._selected: dict[Key, Targets] = {}
 
     def add(self, matcher: Matcher, index: int, pattern: Pattern) -> None:
         self._targets.append((matcher, index, pattern))
         places = {place for _, _, one in self._targets for place, _ in one.constants}
-        self._places, self._selected = tuple(sorted(places)), {}
+        self._symbols, self._selected = getter(sorted(places)), {}
 
     def targets(self, values: Values) -> Targets:
         """Matchers with their patterns whose symbols are those of the event."""
-        symbols = tuple([values[place] for place in self._places])
+        symbols = self._symbols(values)
         found = self._selected.get(symbols)
         if found is None:
             found = self._select(values)
@@ -104,7 +104,7 @@ class Recogniser:
             ChronicleError: a name is not declared, or a chronicle cannot be recognised (`compile_chronicle`).
         """
         wanted, compiled = list(file.chronicles if names is None else names), dict[str, Compiled]()
-        for name in wanted:  # which grows by what these stand on
+        for name in wanted:  # grows by the chronicles that these use
             if name not in file.chronicles:
                 known = ", ".join(file.chronicles) or "none"
                 raise ChronicleError(f"no chronicle is called {name}; declared: {known}")
@@ -153,7 +153,10 @@ class Recogniser:
         self.events += 1
         dispatch = self._changes.get((name, len(arguments)))
         if dispatch is not None:
-            self._deliver(dispatch, (*arguments, old, new), at_ms, told)
+            values = (*arguments, old, new)
+            targets = dispatch.targets(values)
+            if targets:
+                self._deliver(targets, values, at_ms, told)
         return told
 
     def on_message(self, at_ms: int, name: str, arguments: tuple[str, ...]) -> list[ChronicleInstance]:
@@ -164,7 +167,7 @@ class Recogniser:
         self.events += 1
         dispatch = self._messages.get((name, len(arguments)))
         if dispatch is not None:
-            self._deliver(dispatch, arguments, at_ms, told)
+            self._deliver(dispatch.targets(arguments), arguments, at_ms, told)
         return told
 
     def on_time(self, now_ms: int) -> list[ChronicleInstance]:
@@ -174,7 +177,7 @@ class Recogniser:
         return self._advance(now_ms) or []
 
     def _advance(self, at_ms: int) -> list[ChronicleInstance] | None:
-        """Move the clock; what was due by then. None if the time cannot be taken."""
+        """Move the clock; returns the instances due by then. None if the time cannot be taken."""
         clock_ms = self.clock_ms
         if clock_ms is None or at_ms > clock_ms:
             if not -LIMIT_MS <= at_ms <= LIMIT_MS:
@@ -192,7 +195,7 @@ class Recogniser:
         return None
 
     def _due(self, at_ms: int) -> list[ChronicleInstance]:
-        """What waits for a clock until `at_ms`, one clock after the other: what is recognised at one may be an event there."""
+        """Step the clock to each deadline until `at_ms`: an instance recognised at one may be an event there."""
         told: list[ChronicleInstance] = []
         while self._deadline_ms is not None and self._deadline_ms <= at_ms:
             self.clock_ms = due_ms = self._deadline_ms
@@ -207,24 +210,26 @@ class Recogniser:
     def _earliest(self) -> int | None:
         return min((due for one in self._matchers if (due := one.deadline_ms) is not None), default=None)
 
-    def _deliver(self, dispatch: _Dispatch, values: Values, at_ms: int, told: list[ChronicleInstance]) -> None:
+    def _deliver(self, targets: Targets, values: Values, at_ms: int, told: list[ChronicleInstance]) -> None:
         clock_ms = at_ms if self.clock_ms is None or at_ms != MINUS_INFINITY else self.clock_ms
-        if more := self._hand(dispatch, values, at_ms, clock_ms, told):
+        if more := self._hand(targets, values, at_ms, clock_ms, told):
             self._spread(more, clock_ms, told)
 
     def _spread(self, events: Events, clock_ms: int, told: list[ChronicleInstance]) -> None:
         """Chronicles that are recognised are events, by which others may be recognised: layer by layer."""
         while events:
             events = [
-                one for dispatch, values in events for one in self._hand(dispatch, values, clock_ms, clock_ms, told)
+                one
+                for dispatch, values in events
+                for one in self._hand(dispatch.targets(values), values, clock_ms, clock_ms, told)
             ]
 
     def _hand(
-        self, dispatch: _Dispatch, values: Values, at_ms: int, clock_ms: int, told: list[ChronicleInstance]
+        self, targets: Targets, values: Values, at_ms: int, clock_ms: int, told: list[ChronicleInstance]
     ) -> Events:
         """Give an event to all matchers that wait for it; the events that what they recognise is."""
         more: Events = []
-        for matcher, indexes, patterns in dispatch.targets(values):
+        for matcher, indexes, patterns in targets:
             matching: Sequence[int] = indexes
             if patterns is not None:
                 matching = [at for at, pattern in zip(indexes, patterns, strict=True) if _is_of(pattern, values)]
@@ -239,7 +244,7 @@ class Recogniser:
         return more
 
     def _events_of(self, matcher: Matcher, found: list[ChronicleInstance]) -> Events:
-        """What was recognised as events, where it is one: once for the same parameters."""
+        """Recognised instances as events of other chronicles, once for the same parameters."""
         if matcher.compiled.name not in self._heard:
             return []
         events = dict.fromkeys(matcher.parameters(instance) for instance in found)
@@ -248,7 +253,7 @@ class Recogniser:
 
     @property
     def chronicles(self) -> tuple[Compiled, ...]:
-        """What is recognised."""
+        """The chronicles of this recogniser."""
         return tuple(matcher.compiled for matcher in self._matchers)
 
     @property
@@ -269,7 +274,8 @@ class Recogniser:
     def partial_instances(
         self, limit: int = 1000, chronicle: str | None = None, tried: int = LIMIT_TRIED
     ) -> Iterator[Partial]:
-        """What may become an instance, chronicle by chronicle: what is matched, and when it is given up at the latest.
+        """Partial instances, chronicle by chronicle: the matched events, and the latest clock at which each is given
+        up.
 
         Args:
             limit: most that are made.

@@ -3,7 +3,7 @@
 For one event the minimal network gives windows for all other instants, and predicates that have failed already narrow
 them: a `noevent` that begins no later than h has been broken by an event at b >= h, so its end is not after b. If no
 window reaches the present, or one has passed without an event in it, the event is dead: it is dominated by those that
-came later. Whatever is not decided so is kept; forgetting never loses an instance.
+came later. Events without such a proof are kept; forgetting never loses an instance.
 """
 
 from bisect import bisect_left, bisect_right
@@ -11,22 +11,10 @@ from collections.abc import Callable, Collection, Mapping, Sequence
 from typing import Any, NamedTuple
 
 from reasoning.chronicles.definition.compilation import Compiled, CountNode, EventNode
+from reasoning.chronicles.definition.expansion import Point
 from reasoning.chronicles.definition.network import UNBOUNDED
-from reasoning.chronicles.recognition.stores import MINUS_INFINITY, SINCE_EVER, Key, Store, getter
-
-
-class Windows(NamedTuple):
-    """Earliest and latest time of each instant; -UNBOUNDED and UNBOUNDED if there is none."""
-
-    low: list[int]
-    high: list[int]
-
-
-class _Limit(NamedTuple):
-    """A predicate with an upper limit whose variables are among those that are known; `key` picks its key from them."""
-
-    limit: CountNode
-    key: Callable[[Any], Key]
+from reasoning.chronicles.recognition.needs import EventNeeds, Needs, Other, Windows, part
+from reasoning.chronicles.recognition.stores import MINUS_INFINITY, SINCE_EVER, Key, Store
 
 
 class Doom(NamedTuple):
@@ -44,62 +32,43 @@ class Doom(NamedTuple):
     end_ms: int
 
 
-class _Other(NamedTuple):
-    """An event that an instance needs besides the one that is looked at.
-
-    Attributes:
-        key: picks what of its key is known.
-        keys: its keys by what is known; None: the key is known whole.
-        limits: predicates that both events together give all variables to.
-    """
-
-    node: EventNode
-    key: Callable[[Any], Key]
-    keys: Mapping[Key, Collection[Key]] | None
-    limits: tuple[_Limit, ...]
-
-
-class _Asked(NamedTuple):
-    """Constraints on the events of one node: offsets of the windows of all instants, and what narrows them."""
-
-    node: EventNode
-    low: tuple[int, ...]
-    high: tuple[int, ...]
-    low_initial: tuple[int, ...]
-    high_initial: tuple[int, ...]
-    limits: tuple[_Limit, ...]
-    others: tuple[_Other, ...]
-
-
 class Retention:
     """Decides for one chronicle, whose events are in `stores`, and whose complete instances that wait in `waiting`."""
 
     def __init__(self, compiled: Compiled, stores: Sequence[Store], waiting: Collection[Any]) -> None:
         self._compiled, self._stores, self._waiting = compiled, stores, waiting
-        self._limits = [node for node in compiled.counts if node.maximum is not None and not node.across]
+        of_nodes = Needs(compiled, stores)
         self._counts: list[list[CountNode]] = [
             [node for node in compiled.counts if node.pattern == pattern] for pattern in range(len(stores))
         ]
+        self._limits = of_nodes.limits
+        self._instants = tuple(node.instant for node in compiled.events)
         self._last = [(node.instant, node.shift_ms) for node in compiled.events]
         self._last += [node.end for node in compiled.counts if node.late or node.maximum is not None]
-        self._late_ends = [node.end for node in compiled.counts if node.late]
+        self._late_ends = of_nodes.late_ends
         self._reach = [
             (self._reaching(compiled.bounds, instant), self._reaching(compiled.aged, instant))
             for instant in range(compiled.size)
         ]
         self._oldest: dict[int, int] = {}
-        self._events: list[list[_Asked]] = [
-            [self._asked(node) for node in compiled.events if node.pattern == pattern] for pattern in range(len(stores))
+        self._events = [
+            [
+                (of_nodes.of(node, compiled.aged), of_nodes.of(node, compiled.bounds))
+                for node in compiled.events
+                if node.pattern == pattern
+            ]
+            for pattern in range(len(stores))
         ]
+        """By pattern: what an event of each node needs, and what an initial value does, which has no age."""
 
     def dooms(self, pattern: int) -> tuple[Doom, ...]:
-        """What an event of a pattern dooms."""
+        """The dooms of events of a pattern."""
         return tuple(
             doom
             for count in self._limits
             if count.pattern == pattern and count.maximum == 0
-            for asked in self._events
-            if len(asked) == 1 and (doom := self._doom(count, asked[0].node)) is not None
+            for needs in self._events
+            if len(needs) == 1 and (doom := self._doom(count, needs[0][0].node)) is not None
         )
 
     def _doom(self, count: CountNode, node: EventNode) -> Doom | None:
@@ -112,41 +81,7 @@ class Retention:
         reach = max((bounds[end][instant] + shift for instant, shift in last), default=UNBOUNDED)
         if reach >= UNBOUNDED // 2:
             return None
-        return Doom(node.pattern, _part(mine, theirs), count.begin[1] - node.shift_ms, reach - shift_ms)
-
-    def _asked(self, node: EventNode) -> _Asked:
-        compiled, at = self._compiled, node.instant
-        aged, bounds = compiled.aged, compiled.bounds
-        mine = compiled.patterns[node.pattern].variables
-        others = tuple(self._other(mine, one) for one in compiled.events if one is not node)
-        return _Asked(
-            node,
-            tuple(-aged[other][at] for other in range(compiled.size)),
-            tuple(aged[at]),
-            tuple(-bounds[other][at] for other in range(compiled.size)),
-            tuple(bounds[at]),
-            self._known_limits(mine, ()),
-            tuple(one for one in others if one is not None),
-        )
-
-    def _known_limits(self, mine: Sequence[int], except_: Sequence[int]) -> tuple[_Limit, ...]:
-        """Limits over variables in `mine`, but not over those in `except_` alone."""
-        found = []
-        for count in self._limits:
-            theirs = self._compiled.patterns[count.pattern].variables
-            if set(theirs) <= set(mine) and not (except_ and set(theirs) <= set(except_)):
-                found.append(_Limit(count, _part(mine, theirs)))
-        return tuple(found)
-
-    def _other(self, mine: Sequence[int], node: EventNode) -> _Other | None:
-        theirs = self._compiled.patterns[node.pattern].variables
-        shared = [slot for slot in theirs if slot in mine]
-        if len(shared) == len(theirs):
-            return _Other(node, _part(mine, theirs), None, ())
-        if not shared:
-            return None
-        index = self._stores[node.pattern].index([theirs.index(slot) for slot in shared])
-        return _Other(node, _part(mine, shared), index, self._known_limits((*mine, *theirs), mine))
+        return Doom(node.pattern, part(mine, theirs), count.begin[1] - node.shift_ms, reach - shift_ms)
 
     def _reaching(self, bounds: Sequence[Sequence[int]], start: int) -> int:
         """The most that may pass from an instant until the last thing an instance waits for."""
@@ -163,15 +98,23 @@ class Retention:
             self._oldest[instant] = min(ages)
 
     def kept(self, pattern: int, key: Key, clock_ms: int) -> list[bool]:
-        """For each event of a key whether it is still needed; what has the clock's time is, to know it from a repeat."""
+        """Whether each event of a key is still needed; one at the clock's time is, to recognise a repeat."""
         times = self._stores[pattern].buckets[key].times
-        since = min((self._since(node, key, clock_ms) for node in self._counts[pattern]), default=clock_ms)
-        since = min(since, clock_ms)
-        events = self._events[pattern]
-        return [
-            time >= since or any(self._alive(one, key, time - one.node.shift_ms, clock_ms) for one in events)
-            for time in times
-        ]
+        since = clock_ms
+        for node in self._counts[pattern]:
+            since = min(since, self._since(node, key, clock_ms))
+        events, alive = self._events[pattern], self._alive
+        kept = []
+        for time in times:
+            keep = time >= since
+            if not keep:
+                for needs, initial in events:
+                    at_ms = time - needs.node.shift_ms
+                    if alive(initial if at_ms < SINCE_EVER else needs, key, at_ms, clock_ms):
+                        keep = True
+                        break
+            kept.append(keep)
+        return kept
 
     def _since(self, node: CountNode, key: Key, clock_ms: int) -> int:
         """The earliest event that a predicate may still have to count."""
@@ -189,7 +132,7 @@ class Retention:
         return any(store.initial for store in self._stores)
 
     def _start(self, count: CountNode, start: int, key: Key, clock_ms: int) -> int:
-        """The earliest time that the begin of an interval can have, by what is remembered."""
+        """The earliest possible begin of an interval, by the remembered events."""
         latest = -UNBOUNDED
         mine = self._compiled.patterns[count.pattern].variables
         for node in self._compiled.events:
@@ -198,85 +141,122 @@ class Retention:
                 continue
             theirs = self._compiled.patterns[node.pattern].variables
             if set(theirs) <= set(mine) and not self._waiting:
-                bucket = self._stores[node.pattern].buckets.get(_part(mine, theirs)(key))
+                bucket = self._stores[node.pattern].buckets.get(part(mine, theirs)(key))
                 oldest = clock_ms if bucket is None else bucket.times[0] - node.shift_ms
             else:
                 oldest = self._oldest.get(node.instant, MINUS_INFINITY)
             latest = max(latest, min(oldest, clock_ms) - apart)
         return latest
 
-    def _alive(self, asked: _Asked, key: Key, time_ms: int, clock_ms: int) -> bool:
+    def _alive(self, needs: EventNeeds, key: Key, time_ms: int, clock_ms: int) -> bool:
         """Whether an event may become a part of an instance that is not complete yet."""
-        initial = time_ms < SINCE_EVER
-        low = [time_ms + one for one in (asked.low_initial if initial else asked.low)]
-        high = [time_ms + one for one in (asked.high_initial if initial else asked.high)]
-        windows = Windows(low, high)
-        for count, part in asked.limits * 2:  # what one narrows, another may narrow further
-            bucket = self._stores[count.pattern].buckets.get(part(key))
-            if bucket is not None:
-                self._narrow(windows, count, bucket.times)
-        if not self._awaits(windows, (asked.node,), clock_ms):
+        if time_ms + needs.reach < clock_ms:
             return False
-        for other in asked.others:
-            node = other.node
-            if high[node.instant] + node.shift_ms < clock_ms and not self._has(asked, other, key, windows, clock_ms):
+        windows = None
+        if needs.limits:
+            windows = needs.windows(time_ms)
+            for count, key_of in needs.limits * 2:  # what one narrows, another may narrow further
+                bucket = self._stores[count.pattern].buckets.get(key_of(key))
+                if bucket is not None:
+                    self._narrow(windows, count, bucket.times)
+            if not self._awaits(windows, needs.awaited, clock_ms):
+                return False
+        for other in needs.others:
+            if windows is None:
+                first, last = time_ms + other.first, time_ms + other.last
+            else:
+                instant, shift_ms = other.node.instant, other.node.shift_ms
+                first, last = windows.low[instant] + shift_ms, windows.high[instant] + shift_ms
+            if last < clock_ms and not self._has(needs, other, key, time_ms, first, last, windows, clock_ms):
                 return False
         return True
 
-    def _awaits(self, windows: Windows, known: Sequence[EventNode], clock_ms: int) -> bool:
-        """Whether all windows are left, and that of an event that is not known reaches the present."""
+    def _awaits(self, windows: Windows, awaited: Sequence[Point], clock_ms: int) -> bool:
+        """Whether all windows are left, and that of an event that is awaited reaches the present."""
         low, high = windows
-        reaches = False
-        for node in self._compiled.events:
-            instant = node.instant
+        for instant in self._instants:
             if low[instant] > high[instant]:
                 return False
-            reaches = reaches or (high[instant] + node.shift_ms >= clock_ms and not any(node is one for one in known))
-        return reaches or any(high[instant] + shift > clock_ms for instant, shift in self._late_ends)
+        for instant, shift_ms in awaited:
+            if high[instant] + shift_ms >= clock_ms:
+                return True
+        return any(high[instant] + shift > clock_ms for instant, shift in self._late_ends)
 
-    def _has(self, asked: _Asked, other: _Other, key: Key, windows: Windows, clock_ms: int) -> bool:
-        """Whether an event that must have come has come, and both together are alive."""
+    def _has(
+        self,
+        needs: EventNeeds,
+        other: Other,
+        key: Key,
+        time_ms: int,
+        first: int,
+        last: int,
+        windows: Windows | None,
+        clock_ms: int,
+    ) -> bool:
+        """Whether an event that must have come has come, between these times, and both together are alive.
+
+        Initial values always may be.
+        """
         buckets, known = self._stores[other.node.pattern].buckets, other.key(key)
         if other.keys is None:
             bucket = buckets.get(known)
-            return bucket is not None and self._holds(bucket.times, other.node, *windows)
-        return any(self._pair(asked, other, key, one, windows, clock_ms) for one in other.keys.get(known, ()))
-
-    def _pair(self, asked: _Asked, other: _Other, mine: Key, theirs: Key, windows: Windows, clock_ms: int) -> bool:
-        """Whether one of the events of a key is alive together with the event that has the windows."""
-        bucket, node = self._stores[other.node.pattern].buckets[theirs], other.node
-        if not self._holds(bucket.times, node, *windows):
-            return False
-        if not other.limits or bucket.times[0] == MINUS_INFINITY:
-            return True
-        both = (*_several(mine, asked.node, self._compiled), *_several(theirs, node, self._compiled))
-        first = bisect_left(bucket.times, windows.low[node.instant] + node.shift_ms)
-        last = bisect_right(bucket.times, windows.high[node.instant] + node.shift_ms)
-        for time in reversed(bucket.times[first:last]):
-            narrowed = Windows(windows.low[:], windows.high[:])
-            self._set(narrowed, node.instant, time - node.shift_ms)
-            for count, part in other.limits:
-                found = self._stores[count.pattern].buckets.get(part(both))
-                if found is not None:
-                    self._narrow(narrowed, count, found.times)
-            if self._awaits(narrowed, (asked.node, node), clock_ms):
+            if bucket is None:
+                return False
+            times = bucket.times
+            return times[0] == MINUS_INFINITY or bisect_left(times, first) < bisect_right(times, last)
+        for theirs in other.keys.get(known, ()):
+            times = buckets[theirs].times
+            if times[0] == MINUS_INFINITY:
                 return True
+            begin, end = bisect_left(times, first), bisect_right(times, last)
+            if begin < end:
+                broken = self._broken(needs, other, key, theirs)
+                if broken is None:
+                    return True
+                if not broken and windows is None:
+                    latest_ms = times[end - 1] - other.node.shift_ms
+                    for mine_ms, their_ms in other.reaches:
+                        if time_ms + mine_ms >= clock_ms and latest_ms + their_ms >= clock_ms:
+                            return True
+                elif self._pair(other, times[begin:end], broken, windows or needs.windows(time_ms), clock_ms):
+                    return True
         return False
 
-    def _set(self, windows: Windows, instant: int, time_ms: int) -> None:
-        """Give an instant its time, and narrow the others by it."""
-        low, high = windows
-        bounds = self._compiled.bounds
-        for other in range(self._compiled.size):
-            high[other] = min(high[other], time_ms + bounds[instant][other])
-            low[other] = max(low[other], time_ms - bounds[other][instant])
+    def _broken(
+        self, needs: EventNeeds, other: Other, mine: Key, theirs: Key
+    ) -> list[tuple[CountNode, Sequence[int]]] | None:
+        """What predicates count that have all their variables from both events; None: no predicate has."""
+        if not other.own_limits and not other.limits:
+            return None
+        stores, found = self._stores, list[tuple[CountNode, Sequence[int]]]()
+        for count, key_of in other.own_limits:
+            bucket = stores[count.pattern].buckets.get(key_of(theirs))
+            if bucket is not None:
+                found.append((count, bucket.times))
+        if other.limits:
+            both = (*_several(mine, needs.node, self._compiled), *_several(theirs, other.node, self._compiled))
+            for count, key_of in other.limits:
+                bucket = stores[count.pattern].buckets.get(key_of(both))
+                if bucket is not None:
+                    found.append((count, bucket.times))
+        return found
 
-    @staticmethod
-    def _holds(times: Sequence[int], node: EventNode, low: Sequence[int], high: Sequence[int]) -> bool:
-        """Whether one of the times is in the window of the event's instant; initial values always may be."""
-        first = bisect_left(times, low[node.instant] + node.shift_ms)
-        last = bisect_right(times, high[node.instant] + node.shift_ms)
-        return first < last or times[0] == MINUS_INFINITY
+    def _pair(
+        self,
+        other: Other,
+        times: Sequence[int],
+        broken: Sequence[tuple[CountNode, Sequence[int]]],
+        windows: Windows,
+        clock_ms: int,
+    ) -> bool:
+        """Whether the other event at one of the times is alive together with the event that has the windows."""
+        for time in reversed(times):
+            narrowed = other.with_windows(windows, time - other.node.shift_ms)
+            for count, counted in broken:
+                self._narrow(narrowed, count, counted)
+            if self._awaits(narrowed, other.awaited, clock_ms):
+                return True
+        return False
 
     def windows(self, known: Mapping[int, int]) -> Windows | None:
         """Windows of all instants if some have times; None if these contradict the network."""
@@ -335,16 +315,3 @@ def _several(key: Key, node: EventNode, compiled: Compiled) -> tuple[Any, ...]:
     """A key as a tuple also if it is a single value."""
     single: tuple[Any, ...] = (key,)
     return single if len(compiled.patterns[node.pattern].variables) == 1 else tuple(key)
-
-
-def _part(mine: Sequence[int], theirs: Sequence[int]) -> Callable[[Any], Key]:
-    """Picks the key over `theirs` from one over `mine`."""
-    if tuple(mine) == tuple(theirs):
-        return _itself
-    if len(mine) == 1:
-        return lambda _key: ()
-    return getter([list(mine).index(slot) for slot in theirs])
-
-
-def _itself(key: Key) -> Key:
-    return key

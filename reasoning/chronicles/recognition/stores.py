@@ -60,20 +60,23 @@ class Store:
         initial: whether an initial value has ever come.
     """
 
-    __slots__ = ("_indexes", "buckets", "initial", "latest_ms", "plural", "size")
+    __slots__ = ("_by_places", "_indexes", "buckets", "initial", "latest_ms", "plural", "size")
 
     def __init__(self, plural: bool) -> None:
         self.buckets: dict[Key, Bucket] = {}
         self.plural = plural
         self._indexes: list[tuple[Callable[[Any], Key], dict[Key, dict[Key, None]]]] = []
+        self._by_places: dict[tuple[int, ...], dict[Key, dict[Key, None]]] = {}
         self.latest_ms: int | None = None
         self.size = 0
         self.initial = False
 
     def index(self, places: Sequence[int]) -> dict[Key, dict[Key, None]]:
         """Keys by some of their values, kept up to date from now on. `places`: which, among several in the key."""
-        found: dict[Key, dict[Key, None]] = {}
-        self._indexes.append((getter(places), found))
+        found = self._by_places.get(tuple(places))
+        if found is None:
+            found = self._by_places[tuple(places)] = {}
+            self._indexes.append((getter(places), found))
         return found
 
     def insert(self, key: Key, time_ms: int, values: Values) -> int:

@@ -1,9 +1,9 @@
 """Whether an instance is settled: counts in its intervals, and times for the instants that no event fixes (C5).
 
 The words are those of the model: an instance is settled at clock T if there are times for its free instants such that
-every count is within its limits and every upper limit's interval has passed. Between two events that are counted
-nothing depends on where in between an instant lies, so it is tried which events an interval takes in; what that asks
-of the instants are differences again, and the minimal network says whether they can be met, and when at the earliest.
+every count is within its limits and every upper limit's interval has passed. Between two counted events an instant's
+place has no influence, so the search tries which events an interval contains; that choice constrains the instants by
+differences again, and the minimal network says whether these can be met, and when at the earliest.
 """
 
 from bisect import bisect_left
@@ -26,7 +26,7 @@ Times: TypeAlias = Callable[[CountNode], Sequence[int]]
 
 
 class WitnessOutcome(NamedTuple):
-    """What is known of an instance at a clock.
+    """The state of an instance at a clock.
 
     Attributes:
         settled: it is an instance, now.
@@ -158,7 +158,7 @@ class _Search:
         return None if high >= UNBOUNDED else high + add
 
     def _try(self, network: TemporalNetwork, left: Sequence[int], ends: tuple[Place, ...]) -> None:
-        """Continue with the predicates in `left`; the intervals at `ends` must have passed for what is chosen so far."""
+        """Continue with the predicates in `left`; the intervals at `ends` must have passed for the choices so far."""
         self._trials += 1
         settled_ms = max((_earliest(network, end) for end in ends), default=self._clock_ms)
         settled_ms = max(settled_ms, self._clock_ms)

@@ -1,7 +1,7 @@
 """How far one vehicle is from losing well clear of all others, and which tracks, speeds and altitudes would lose it.
 
-Positions, altitudes and velocities are what platforms answer, each carried on in a straight line by its own age. What is
-older than `MOST_AGE_US`, and a platform that does not answer, is unknown, and is in no band.
+Positions, altitudes and velocities are what platforms answer, each carried on in a straight line by its own age. A
+state older than `MOST_AGE_US`, and a platform that does not answer, is unknown, and is in no band.
 """
 
 from collections.abc import Callable, Iterable, Mapping, Sequence
@@ -41,9 +41,9 @@ PROFILE: Final = "well-clear"
 LOOKAHEAD_S: Final = 30.0
 MOST_AGE_US: Final = 3_000_000
 MOST_AIRCRAFT_AGE_US: Final = 15_000_000
-"""An aircraft that is no member is heard less often; what is older is unknown."""
+"""An aircraft that is no member is heard less often; an older state is unknown."""
 LEAST_M_S, HOVER_TRACK_M_S = 0.5, 5.0
-"""What flies slower than the first hovers: its tracks are tried at the second."""
+"""A vehicle slower than the first hovers: its tracks are tried at the second."""
 TRACK_STEP_DEG, SPEED_STEP_M_S, ALTITUDE_STEP_M = 1.0, 0.5, 1.0
 FASTEST_M_S, ALTITUDES_M = 20.0, 50.0
 _ANSWER_S: Final = 1.0
@@ -82,7 +82,7 @@ class OtherVehicle(NamedTuple):
 
 
 class ClearanceRow(NamedTuple):
-    """What lies between the vehicle and another one, both flown straight on; None where that is unknown.
+    """The clearance between the vehicle and another one, both flown straight on; None where it is unknown.
 
     Attributes:
         is_clear: whether well clear is kept for the look-ahead.
@@ -109,7 +109,7 @@ class BandsPicture(NamedTuple):
     """The bands of one vehicle. Without a known motion of its own all is unknown, for the reason `why`.
 
     Attributes:
-        goal: what is kept of members, and for how long; of aircraft that are no members it is `traffic-well-clear`.
+        goal: the separation of members, and for how long; of aircraft that are no members `traffic-well-clear`.
         track_deg: None: it hovers; the tracks are tried at `tried_at_m_s`.
         tracks, speeds, altitudes: values that keep well clear or do not, degrees, m/s along the track, m above mean sea level.
     """
@@ -155,7 +155,7 @@ def goal_of(profile: str, lookahead_s: float = LOOKAHEAD_S) -> Goal:
 
 
 def traffic_goal() -> Goal:
-    """What platforms keep of aircraft that are no members, a little more than a minute ahead."""
+    """The separation that platforms keep of aircraft that are no members, a little more than a minute ahead."""
     return goal_of("traffic-well-clear", 65.0)
 
 

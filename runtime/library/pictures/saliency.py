@@ -59,7 +59,7 @@ class FoundPerson(NamedTuple):
 
 
 class SaliencyPicture(NamedTuple):
-    """The persons, by name; the platforms that have entries; what platforms left out of others' entries."""
+    """The persons, by name; the platforms that have entries; the entries that platforms left out."""
 
     persons: tuple[FoundPerson, ...]
     members: tuple[str, ...]

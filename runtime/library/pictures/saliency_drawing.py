@@ -18,7 +18,7 @@ FAINT: Final = "#dddddd"
 
 
 def saliency_svg(persons: Sequence[FoundPerson]) -> str:
-    """Each person a cross in an ellipse of two standard deviations, with its name; one that several platforms found is black."""
+    """Each person a cross in an ellipse of two standard deviations, and its name; black if several platforms found it."""
     if not persons:
         return '<svg xmlns="http://www.w3.org/2000/svg" width="1" height="1"/>\n'
     west_m, south_m = (GRID_M * (floor(min(of) / GRID_M - 0.2)) for of in _places(persons))

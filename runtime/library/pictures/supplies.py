@@ -10,7 +10,7 @@ from runtime.library.pictures.saliency import FoundPerson
 STANDOFF_M: Final = 3.0
 """A box is put down so far to the south of a person."""
 WEIGHT: Final = 1000
-"""Of each goal: one that cannot be reached, as its box hangs on a UAV that is gone, is left aside, and the others are reached."""
+"""The weight of each goal: an unreachable one, whose UAV is gone, is left aside for the others."""
 _OBJECTS = re.compile(r"#objects\s+box\s*=\s*([A-Za-z_-]+)(\d{1,9})\s*\.\.\s*\1(\d{1,9})(?!\d)")
 _PLACES = re.compile(r"xpos\((\w+)\) := ([-\d.]+), ypos\(\1\) := ([-\d.]+)")
 MOST_BOXES: Final = 200
