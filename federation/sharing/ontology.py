@@ -14,7 +14,7 @@ from dyknow.model.errors import Refused, TextError, TextErrors, UnknownLabel
 from dyknow.model.semantic_labels import BUILT_IN, SemanticLabel, definition_errors, plain
 from dyknow.model.toml_texts import tables_of
 from dyknow.model.values import Field, Sort
-from federation.messages.descriptions import MAX_DEFINITIONS
+from federation.messages.descriptions import MAX_DEFINITIONS, LabelEntry
 
 MAX_FILE: Final = 128 * 1024
 """Characters of an ontology file."""
@@ -54,6 +54,11 @@ class Ontology:
 
     def get(self, name: str) -> SemanticLabel | None:
         return self._labels.get(name)
+
+    def entry(self, name: str, period_us: int = 0) -> LabelEntry:
+        """How a platform offers a label, with samples so often."""
+        label = self[name]
+        return LabelEntry(label=name, sort=label.sort.name, type_hash=label.type_hash, period_us=period_us)
 
     def definitions(self) -> tuple[SemanticLabel, ...]:
         """All of them."""
