@@ -20,11 +20,11 @@ _LIVES = 1000
 
 
 class SharedMap(Part):
-    """Its streams under their labels, the subscription to its source, the streams of other platforms, who may see what.
+    """Its streams under their labels, the subscription to its source, the streams of other platforms, what is hidden from whom.
 
     Attributes:
         own: the label whose samples on this platform are taken.
-        shared: the label that platforms share: who may have it of a platform may see what is made of it.
+        shared: the label that platforms share: what is made of it, its receivers may see.
         shown: the label of the map, a stream while it has subscribers.
         made: the labels of the streams that this platform makes of it.
         partners: the platforms whose streams are asked for.
