@@ -39,7 +39,7 @@ class DocumentTable:
         """It is missing, or something else."""
         if key in self.entries:
             value = self.entries[key]
-            hint = f".{did_you_mean(value, choices)}" if choices and isinstance(value, str) else ""
+            hint = f".{meant}" if isinstance(value, str) and (meant := _meant(value, choices)) else ""
             self.wrong((key,), f"{what} is expected, got {shown(value)}{hint}", example)
         else:
             self.wrong("", f"{key} is missing.{_meant(key, list(self.entries), 0.85)}", example)
