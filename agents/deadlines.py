@@ -69,7 +69,7 @@ class PartDeadlines:
         self.due_us = None
 
     def earliest_us(self, now_us: int) -> int:
-        """The earliest of all, `now_us` for what is overdue.
+        """The earliest of all, `now_us` for one that is overdue.
 
         Raises:
             LookupError: no part is ever due.

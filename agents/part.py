@@ -36,7 +36,7 @@ class Part:
     """One agent, proxy or store of a platform. Every method has a default that does nothing; times are the node clock.
 
     A handler of an event takes (event, node clock) and returns what may follow from it: None when anything may (the
-    default), an empty tuple when nothing does but the effects emitted, a tuple of what may be due at another time when that
+    default), an empty tuple when nothing does but the effects emitted, a tuple of parts that may be due at another time when that
     and samples are all, or `NOT_MINE` when the event is for another part. The last three are for events that come by the
     thousand. `on_time` returns the same. The part itself goes without saying there, and so does what follows in both from
     acts that are sent, samples that wait, peers and alarms.

@@ -92,7 +92,7 @@ LISTED = (
 
 
 class PlatformParts(PartRegistry):
-    """The parts of one platform, and what they share; onlookers look at it, too."""
+    """The parts of one platform and their shared objects; onlookers look at it, too."""
 
     def __init__(self, config: PlatformConfig) -> None:
         super().__init__()
@@ -113,7 +113,7 @@ class PlatformParts(PartRegistry):
         except TypeError as error:
             raise UnitError(f"{kind.__name__} cannot be built of (ports, parts), see agents.ports: {error}") from error
 
-    # -- what parts give to those that are built before them -------------------------------------------------------
+    # -- services for parts that are built before -------------------------------------------------------
 
     @property
     def lasting(self) -> frozenset[str]:
@@ -154,7 +154,7 @@ class PlatformParts(PartRegistry):
             return rig.frame
         return None if home is None else LocalFrame(home.latitude_deg, home.longitude_deg, home.altitude_m)
 
-    # -- what onlookers look at --------------------------------------------------------------------------------
+    # -- for onlookers --------------------------------------------------------------------------------
 
     @property
     def pilot(self) -> Pilot:

@@ -37,7 +37,7 @@ class Platform:
     events are put together by the `on_time` that `deadline_us` asks for at once.
 
     Attributes:
-        ports, built: what the parts are built of, and what was built, for observers from outside.
+        ports, built: the ports of the parts, and the parts by class, for observers from outside.
         deadlines: when its parts have work next.
         refused: what arrived and was dropped before it reached a part, by reason.
         containment: what parts raised, and what follows.

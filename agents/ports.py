@@ -1,7 +1,7 @@
-"""What the parts of a platform are built of: ports to the platform, and other parts.
+"""The ports of a platform to its parts, and the registry of parts that were built.
 
-A part is built by its class, called with both. What is built of the same two and is no part (a gateway, the pilot) has a
-class method `of`. Each is made when it is first asked for, once.
+A part is built by its class, called with both. A shared object that is no part (a gateway, the pilot) has a class
+method `of` with the same two. Each is made when it is first asked for, once.
 """
 
 from collections.abc import Callable, Mapping, Sequence
@@ -39,7 +39,7 @@ Needs: TypeAlias = Mapping[str, AbstractSet[tuple[str, int, int]]]
 
 
 class PartsAbove(Protocol):
-    """What parts give to parts that are built before them, or that they are built of."""
+    """The services of parts for parts that are built before them."""
 
     @property
     def lasting(self) -> frozenset[str]:
@@ -81,12 +81,12 @@ class Ports:
     """The platform as its parts see it.
 
     Attributes:
-        emit: takes an effect; note: words for users; refuse: counts what is dropped, by reason.
+        emit: takes an effect; note: words for users; refuse: counts dropped messages, by reason.
        on_peer, on_alarm: tell all parts of a change of a peer, of an alarm.
         services, labels, conditions: what all parts offer and show.
         now_us: the node clock of the present step.
-        contain: what becomes of what a part raises.
-        above: what parts give to others that are built before them.
+        contain: the fate of an exception of a part.
+        above: the services of parts for others that are built before them.
     """
 
     config: PlatformConfig
@@ -189,14 +189,14 @@ class Ports:
 
 
 class PartRegistry:
-    """What was built so far: `parts[TaskLife]` is the part of that class."""
+    """The parts built so far: `parts[TaskLife]` is the part of that class."""
 
     def __init__(self) -> None:
         self.ports: Ports
         self._made: dict[object, object] = {}
 
     def __getitem__(self, make: Callable[[Ports, "PartRegistry"], T]) -> T:
-        """What `make` makes, made now if it was not before."""
+        """The product of `make`, made now if it was not before."""
         found = self._made.get(make)
         if found is None:
             found = self._made[make] = make(self.ports, self)

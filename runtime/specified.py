@@ -11,13 +11,13 @@ from pathlib import Path
 
 from agents.effects import Fed, FedTogether, Specify
 from agents.specification.specification_part import read
+from dyknow.documents.json_lines import LIMIT_LINE
 from dyknow.model.errors import DyknowError, SourceText, SpecificationFailed
 from dyknow.model.instants import US_PER_S
 from kpl import parse_specification
 from proxies.files.named_files import bounded_text, opened_file, text_lines
 from proxies.files.watched_file import WatchedFiles
 from proxies.recordings.sample_file import FedSample, read_feed
-from reasoning.monitoring.json_lines import LIMIT_LINE
 
 LOOK_S = 0.5
 

@@ -70,10 +70,7 @@ class AreaAssignment(Part):
 
     def labels(self) -> Iterable[LabelEntry]:
         """Offered while there is a piece."""
-        if not self.pieces:
-            return ()
-        known = self._translation.ontology[LABEL]
-        return (LabelEntry(label=LABEL, sort=known.sort.name, type_hash=known.type_hash, period_us=PERIOD_US),)
+        return [self._translation.ontology.entry(LABEL, PERIOD_US)] if self.pieces else ()
 
     def conditions(self) -> Iterable[ConditionEntry]:
         """The leader of a division is gone, and no other has taken over yet."""

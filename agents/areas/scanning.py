@@ -75,10 +75,7 @@ class Scanning(Part):
         parts[AreaAssignment].on_piece = self._on_piece
 
     def labels(self) -> Iterable[LabelEntry]:
-        if not self._network.has(self._label):
-            return ()
-        known = self._translation.ontology[SCANNED]
-        return (LabelEntry(label=SCANNED, sort=known.sort.name, type_hash=known.type_hash, period_us=PERIOD_US),)
+        return [self._translation.ontology.entry(SCANNED, PERIOD_US)] if self._network.has(self._label) else ()
 
     def conditions(self) -> Iterable[ConditionEntry]:
         return (ConditionEntry(text=self._shown, since_us=self._shown_us),) if self._shown else ()

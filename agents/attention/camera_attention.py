@@ -84,8 +84,7 @@ class CameraAttention(Part):
         self._refusal: ConditionEntry | None = None
 
     def labels(self) -> Iterable[LabelEntry]:
-        known = self._translation.ontology[ATTENTION]
-        return [LabelEntry(label=ATTENTION, sort=known.sort.name, type_hash=known.type_hash, period_us=0)]
+        return [self._translation.ontology.entry(ATTENTION)]
 
     def conditions(self) -> Iterable[ConditionEntry]:
         return () if self._refusal is None else (self._refusal,)

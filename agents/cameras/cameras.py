@@ -72,9 +72,7 @@ class Cameras(Part):
     def labels(self) -> Iterable[LabelEntry]:
         ontology = self._translation.ontology
         return [
-            LabelEntry(
-                label=name, sort=ontology[name].sort.name, type_hash=ontology[name].type_hash, period_us=period_us
-            )
+            ontology.entry(name, period_us)
             for name, period_us in ((PERCEPTS, 0), (STATE, PERIOD_US), (VIEW, 0), (PERSONS, 0))
             if name != PERSONS or self._has_scored
         ]

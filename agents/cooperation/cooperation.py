@@ -6,8 +6,10 @@ as `global-objects`. There is no leader: each platform comes to the same names b
 """
 
 from collections.abc import Callable, Iterable
+from functools import partial
 
 from agents.actions import FEDERATION, QUERIED, Action, Offer, Role
+from agents.cooperation.shared_map import SharedMap
 from agents.cooperation.track_records import (
     IDENTITIES,
     PICTURE,
@@ -19,17 +21,12 @@ from agents.cooperation.track_records import (
     row_value,
     track_report,
 )
-from agents.exchange.label_agreements import LabelAgreements
-from agents.exchange.local_instance import LocalInstance
-from agents.exchange.partners import Partners
-from agents.exchange.subscription_keeper import SubscriptionKeeper
-from agents.part import Part, PeerChange
+from agents.part import PeerChange
 from agents.ports import PartRegistry, Ports
 from anchoring.cooperation.picture import HOLD_US, GlobalPicture
 from anchoring.cooperation.reports import IdentityClaim
 from anchoring.cooperation.rows import PictureEvent
-from dyknow import Label, Policy, Sample
-from dyknow.network.generator import Subscription
+from dyknow import Sample, Value
 from federation.members.liveness import PlatformAppeared, PlatformGone
 from federation.members.offers import LabelAppeared, LabelGone
 from federation.messages.acts import Act, Performative
@@ -39,70 +36,47 @@ from federation.messages.descriptions import LabelEntry
 CLAIMS_US = 1_000_000
 """So often a claim is repeated that has not changed."""
 ROWS_A_PAGE = 40
-_FIRST, _LIVES = 100, 1000
+NAMES_A_LIFE = 100
 
 
-class Cooperation(Part):
+class Cooperation(SharedMap):
     """Makes the picture. Times of the picture are federation time.
 
     Attributes:
         picture: None while the platform exports no tracks.
         tracks: the label of its own tracks.
-        partners: the platforms whose streams are asked for.
         takers: the consumers of the samples of their streams, by semantic label.
     """
 
+    own = shared = TRACKS
+    shown = PICTURE
+    made = (IDENTITIES, PICTURE)
     heeds_samples = True
     offers = (Offer(FEDERATION, (Action(ObjectPicture, "on_object_picture", QUERIED, Role.OBSERVER),)),)
 
     def __init__(self, ports: Ports, parts: PartRegistry) -> None:
-        self._unit, self._boot, self._agent = ports.config.unit, ports.config.boot, ports.agent
-        self._clock, self._network = ports.clock, ports.network
-        self._translation, self._directory = ports.translation, ports.directory
-        self._agreements = parts[LabelAgreements]
+        super().__init__(ports, parts)
+        self._clock, self._trusted = ports.clock, ports.config.trusted
         self._offset_of, self._now_us, self._note, self._offer = ports.offset_of, ports.now_us, ports.note, ports.offer
-        self._trusted = ports.config.trusted
         self.takers: dict[str, Callable[[str, Sample], None]] = {TRACKS: self._on_track, IDENTITIES: self._on_identity}
-        self.partners = Partners(ports.network, parts[LocalInstance], parts[SubscriptionKeeper], self._on_sample)
         self._sort = ports.translation.ontology[TRACKS].sort
-        self._labels = {
-            name: ports.translation.local_label(name, ports.config.unit) for name in (TRACKS, IDENTITIES, PICTURE)
-        }
         self.tracks = self._labels[TRACKS]
-        for name in (IDENTITIES, PICTURE):
-            ports.network.add_source(self._labels[name], ports.translation.local_sort(name))
+        self._add(self.made)
         self.picture: GlobalPicture | None = None
-        self._taken: Subscription | None = None
         self._boots: dict[str, int] = {}
         self._claimed: dict[str, tuple[IdentityClaim, int]] = {}
-        self._shown = set[str]()
-        self._is_due = False
-        ports.network.meet(self._on_label)
 
     def labels(self) -> Iterable[LabelEntry]:
-        if self.picture is None:
-            return ()
-        ontology = self._translation.ontology
-        return [
-            LabelEntry(label=name, sort=ontology[name].sort.name, type_hash=ontology[name].type_hash, period_us=0)
-            for name in (IDENTITIES, PICTURE)
-        ]
+        return () if self.picture is None else super().labels()
 
     # -- taking part -------------------------------------------------------------------------------------------
 
-    def _on_label(self, label: Label) -> None:
-        """The tracks of this platform are there."""
-        if label == self.tracks and self._taken is None:
-            self._is_due = True
-
     def _begin(self, now_us: int) -> None:
-        self._is_due = False
-        if self._taken is not None or not self._network.has(self.tracks):
+        self._due_us = None
+        if not self._take(self._on_own):
             return
-        self._taken = self._network.subscribe(self.tracks, Policy(), self._on_own, self._on_end)
         if self.picture is None:
-            first = self._boot // 1000 % _LIVES * _FIRST + 1
-            self.picture = GlobalPicture(self._unit, first, self._trusted)
+            self.picture = GlobalPicture(self._unit, self._first_number(NAMES_A_LIFE), self._trusted)
         for entry in self._directory.entries():
             if any(each.label == TRACKS for each in entry.labels):
                 self._meet(entry.unit, entry.boot, now_us)
@@ -110,10 +84,10 @@ class Cooperation(Part):
 
     def _on_end(self) -> None:
         """The specification exports them no longer, or otherwise."""
-        self._taken = None
+        super()._on_end()
         if self.picture is not None:
             self.picture.arrive(self._unit, self._clock.federation_us(self._now_us()), restarted=True)
-        self._is_due = True
+        self._due_us = 0
 
     def _meet(self, unit: str, boot: int, now_us: int) -> None:
         """Another platform exports tracks."""
@@ -163,7 +137,7 @@ class Cooperation(Part):
 
     @property
     def deadline_us(self) -> int | None:
-        if self._is_due:
+        if self._due_us is not None:
             return 0
         if self.picture is None:
             return None
@@ -172,7 +146,7 @@ class Cooperation(Part):
 
     def on_time(self, now_us: int) -> None:
         """Look at all tracks when that is due, and report what is new."""
-        if self._is_due:
+        if self._due_us is not None:
             self._begin(now_us)
         due_us = self.deadline_us
         if self.picture is None or due_us is None or now_us < due_us:
@@ -185,7 +159,8 @@ class Cooperation(Part):
         for event in self.picture.on_time(federation_us):
             self._tell(event)
         self._claim(federation_us)
-        self._show(federation_us)
+        at_us = federation_us - HOLD_US
+        self._show(partial(self._values, self.picture, at_us), ended_value, federation_us, federation_us)
 
     def _tell(self, event: PictureEvent) -> None:
         """Note platforms that come and go, and refused reports."""
@@ -206,21 +181,9 @@ class Cooperation(Part):
         for symbol in self._claimed.keys() - held.keys():
             del self._claimed[symbol]
 
-    def _show(self, federation_us: int) -> None:
-        """The picture as a stream, while it has subscribers."""
-        if self.picture is None or not self._network.generator(self._labels[PICTURE]).subscriptions:
-            return
-        at_us = federation_us - HOLD_US
-        rows = {row.name: row for row in self.picture.rows(at_us)}
-        with self._network.instant.whole():
-            for row in rows.values():
-                self._push(PICTURE, max(at_us, row.state.valid_us), row_value(row), federation_us)
-            for name in self._shown - rows.keys():
-                self._push(PICTURE, federation_us, ended_value(name), federation_us)
-        self._shown = set(rows)
-
-    def _push(self, name: str, valid_us: int, value: object, now_us: int) -> None:
-        self._network.push(self._labels[name], valid_us, self._translation.to_local(name)(value), now_us)
+    @staticmethod
+    def _values(picture: GlobalPicture, at_us: int) -> dict[str, tuple[int, Value]]:
+        return {row.name: (max(at_us, row.state.valid_us), row_value(row)) for row in picture.rows(at_us)}
 
     # -- questions ---------------------------------------------------------------------------------------------
 
@@ -235,9 +198,7 @@ class Cooperation(Part):
             return
         self._agreements.check(act.sender.unit, TRACKS)
         members = tuple(sorted(self.picture.present))
-        requester = act.sender.unit
-        hidden = {unit for unit in self.partners.units if not self._may_hand_on(unit, requester)}
-        rows = [each for each in self.picture.rows(self._clock.federation_us(now_us)) if hidden.isdisjoint(each.by)]
+        hidden = self._hidden(self.partners.units, act.sender.unit)
         entries = [
             PictureEntry(
                 symbol=row.name,
@@ -247,7 +208,8 @@ class Cooperation(Part):
                 seen_us=row.seen_us,
                 attributes=attributes_of(row),
             )
-            for row in rows
+            for row in self.picture.rows(self._clock.federation_us(now_us))
+            if hidden.isdisjoint(row.by)
         ]
         self._agent.answer_pages(
             act,
@@ -256,9 +218,3 @@ class Cooperation(Part):
             lambda page, more: ObjectPicture(members=members, objects=page, more=more),
             now_us,
         )
-
-    def _may_hand_on(self, unit: str, requester: str) -> bool:
-        """Whether a platform shares its tracks with the requester, too."""
-        entry = self._directory.entry(unit)
-        named = next((each.receivers for each in (entry.labels if entry else ()) if each.label == TRACKS), ())
-        return not named or requester in named

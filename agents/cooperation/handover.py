@@ -120,10 +120,7 @@ class Handover(Part):
         if self._cooperation.picture is None:
             return ()
         ontology = self._translation.ontology
-        return [
-            LabelEntry(label=name, sort=ontology[name].sort.name, type_hash=ontology[name].type_hash, period_us=0)
-            for name in self._labels
-        ]
+        return [ontology.entry(name) for name in self._labels]
 
     def on_peer(self, change: PeerChange, now_us: int) -> None:  # noqa: ARG002  (as every part)
         """Platforms and their labels come and go: decide soon."""

@@ -101,12 +101,7 @@ class VehicleStreams:
     def entries(self) -> list[LabelEntry]:
         """The semantic labels this platform offers."""
         ontology = self._translation.ontology
-        return [
-            LabelEntry(
-                label=name, sort=ontology[name].sort.name, type_hash=ontology[name].type_hash, period_us=self.period_us
-            )
-            for name in LABELS
-        ]
+        return [ontology.entry(name, self.period_us) for name in LABELS]
 
     def on_report(self, report: Report, now_us: int) -> Sequence[Sample]:
         """Take in what the vehicle says; samples that are due go through the network at once."""
@@ -217,10 +212,7 @@ class WinchStream(Part):
         self._is_offered = False
 
     def labels(self) -> Iterable[LabelEntry]:
-        if not self._is_offered:
-            return []
-        label = self._translation.ontology[LOAD]
-        return [LabelEntry(label=LOAD, sort=label.sort.name, type_hash=label.type_hash, period_us=WINCH_PERIOD_US)]
+        return [self._translation.ontology.entry(LOAD, WINCH_PERIOD_US)] if self._is_offered else []
 
     def on_reported(self, event: Reported, now_us: int) -> Followed:
         """Make a sample of it; the pilot takes the report, too."""

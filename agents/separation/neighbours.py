@@ -16,7 +16,7 @@ import numpy.typing as npt
 from agents.places import Fix
 from navigation.geodesy import distance_m
 from navigation.intents.intent import Intent, IntentEnding, IntentSource, RightOfWay
-from navigation.intents.path import STEP_S, STEPS, FlatOrigin, Tube, contingent, later, nominal
+from navigation.intents.path import STEP_S, STEPS, FlatOrigin, Tube, contingent, later, nominal, resumed
 
 SILENT_US: Final = 2_000_000
 """So long without a word a member is silent: two intents a second are due."""
@@ -31,6 +31,8 @@ FORMER_US: Final = 20_000_000
 """So long one that has leapt is kept away from as well where it would be if it had not: the leap may be the lie."""
 CONTRADICTIONS: Final = 3
 """Looks running in which positions contradict an intent, or come without one, before they stand for it: one may be an outlier."""
+RESUMES_S: Final = tuple(float(after_s) for after_s in range(0, 33, 4))
+"""When a vehicle that is silent since a manoeuvre may fly its own way again, after that was published: each is kept away from."""
 APART_M, APART_UP_M, MOVES_M_S, ASTRAY_M_S = 25.0, 12.0, 3.0, 6.0
 """How far apart position and intent of one moment may be, and how much more for each second between them."""
 """One that has leapt is traffic where it was last until it has been credible for so long."""
@@ -53,6 +55,7 @@ class Neighbour:
         contradicted its intent; it is taken by them until that is `CREDIBLE_US` ago.
         leapt_us: when it was last somewhere where no vehicle gets so fast; the intent before stands then.
         former: what it had published before it leapt, or was somewhere else after a silence, and when that came: it stands, too, until `FORMER_US` later.
+        own_way: its newest word that was no manoeuvre.
         cannot: why it does not avoid us, in its own words, since `cannot_us`; empty: it has reported nothing of the kind.
     """
 
@@ -68,7 +71,9 @@ class Neighbour:
     cannot_us: int = 0
     former: tuple[Intent, int] | None = None
     former_until_us: int = 0
+    own_way: Intent | None = None
     _tubes: list[Tube] = field(default_factory=list)
+    _resumed: list[Tube] = field(default_factory=list)
     _of: tuple[Intent, FlatOrigin, int] | None = None
 
     def is_silent(self, now_us: int) -> bool:
@@ -110,12 +115,30 @@ class Neighbour:
         if self._of is None or self._of[0] is not self.intent or self._of[1] is not origin or self._of[2] < needed:
             other = contingent(self.intent, origin, needed)
             self._tubes = [nominal(self.intent, origin, needed), *([] if other is None else [other])]
-            self._of = self.intent, origin, needed
+            self._of, self._resumed = (self.intent, origin, needed), []
         found = [later(tube, age_s, steps) for tube in self._tubes]
         for tube in found:
             _grow(tube, (now_us - self.heard_us - SILENT_US) / 1e6)
         silent = self.is_silent(now_us)
+        if silent and self.own_way is not None and self.intent.source is IntentSource.MANOEUVRE:
+            found += self._resuming(origin, now_us, needed, steps)
         return [(tube, at == 0 or silent) for at, tube in enumerate(found)]
+
+    def _resuming(self, origin: FlatOrigin, now_us: int, needed: int, steps: int) -> list[Tube]:
+        """A manoeuvre ends at an unknown time, and the vehicle flies its own way again."""
+        own_way, age_s = self.own_way, self.age_s(now_us)
+        if not self._resumed and own_way is not None:
+            self._resumed = [resumed(self.intent, own_way, origin, after_s, needed) for after_s in RESUMES_S]
+        found = [later(tube, age_s, steps) for tube in self._resumed]
+        for tube in found:
+            _grow(tube, (now_us - self.heard_us - SILENT_US) / 1e6)
+        return found
+
+    def say(self, intent: Intent, now_us: int) -> None:
+        """Its newest word, which is believed."""
+        self.intent, self.heard_us = intent, now_us
+        if intent.source is not IntentSource.MANOEUVRE:
+            self.own_way = intent
 
 
 def _grow(tube: Tube, silent_s: float) -> None:
@@ -157,6 +180,7 @@ class Neighbours:
             return None
         if known is None or not known.said:
             self._put(Neighbour(unit, intent, now_us))
+            self.by_unit[unit].say(intent, now_us)
             return None
         if intent.at_us < known.intent.at_us:
             return None
@@ -171,7 +195,7 @@ class Neighbours:
         if leap is None and known.candidate is None:
             if intent.rank is not RightOfWay.CANNOT and intent.at_us > known.cannot_us + WORD_US:
                 known.cannot = ""
-            known.intent, known.heard_us = intent, now_us
+            known.say(intent, now_us)
             return None
         known.candidate = intent
         if leap is not None:
@@ -180,7 +204,7 @@ class Neighbours:
             return f"{unit} {leap}: it is taken to be where it was until it is credible" if is_news else None
         if known.leapt_us is None or now_us - known.leapt_us >= CREDIBLE_US:
             known.keep_former(now_us)
-            known.intent, known.heard_us = intent, now_us
+            known.say(intent, now_us)
             known.candidate = known.leapt_us = None
         return None
 

@@ -80,8 +80,7 @@ class Traffic(Part):
     def labels(self) -> Iterable[LabelEntry]:
         """What this platform hears itself, from the first aircraft on."""
         if self._network.has(self._label):
-            entry = self._translation.ontology[TRAFFIC]
-            yield LabelEntry(label=TRAFFIC, sort=entry.sort.name, type_hash=entry.type_hash, period_us=PERIOD_US)
+            yield self._translation.ontology.entry(TRAFFIC, PERIOD_US)
 
     def conditions(self) -> Iterable[ConditionEntry]:
         """Reports that were dropped in the last seconds; that no own position is known."""

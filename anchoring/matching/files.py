@@ -23,12 +23,14 @@ from anchoring.matching.descriptions import (
     PropertyValue,
 )
 from anchoring.matching.situations import AnchoringSituation, MatchingOptions
-from reasoning.monitoring.json_documents import LONGEST_NAME, JsonDocument, JsonTable, is_number, shown
+from dyknow.documents.documents import json_document
+from dyknow.documents.tables import DocumentTable, is_number, shown
 
 MOST_PERCEPTS: Final = 100_000
 MOST_PROPERTIES: Final = 64
 MOST_VALUES: Final = 1000
 MOST_REASONS: Final = 1000
+LONGEST_NAME: Final = 256
 FARTHEST: Final = 1e9
 EXAMPLE: Final = '{"description": {"kind": ["gasbottle"]}, "percepts": {"po1": {"kind": "gasbottle"}}}'
 _ALLOWED: Final = (
@@ -51,14 +53,14 @@ def read_matching(source: str | bytes, file: str = "") -> MatchingCase:
     Raises:
         TextError: something is wrong with it.
     """
-    root = JsonDocument(source, file, EXAMPLE).root
+    root = DocumentTable(json_document(source, file, EXAMPLE))
     described = root.table("description", EXAMPLE)
     if len(described.entries) > MOST_PROPERTIES:
         raise root.error("description", f"more than {MOST_PROPERTIES} properties", "those that tell objects apart")
     properties = {name: _allowed(described, name) for name in described.entries}
     description = ObjectDescription(properties, root.flag("definite", default=True))
     options = MatchingOptions(
-        "reacquire" if root.choice("functionality", "find", ("find", "reacquire")) == "reacquire" else "find",
+        "reacquire" if root.text("functionality", "find", ("find", "reacquire")) == "reacquire" else "find",
         root.flag("cautious", default=False),
         root.flag("no_other_similar", default=False),
         root.number("threshold", 1.0, 1e-6, 1.0),
@@ -93,7 +95,7 @@ def situation_json(situation: AnchoringSituation) -> dict[str, Any]:
     }
 
 
-def _allowed(described: JsonTable, name: str) -> Allowed:
+def _allowed(described: DocumentTable, name: str) -> Allowed:
     value = described.get(name)
     _check_name(described, name)
     if isinstance(value, dict):
@@ -118,7 +120,7 @@ def _allowed(described: JsonTable, name: str) -> Allowed:
     return AllowedValues(tuple((each, 1.0) for each in found))
 
 
-def _interval(table: JsonTable) -> AllowedInterval:
+def _interval(table: DocumentTable) -> AllowedInterval:
     usual = AllowedInterval()
     low = table.number("from", 0.0, -FARTHEST, FARTHEST) if "from" in table else usual.low
     high = table.number("to", 0.0, -FARTHEST, FARTHEST) if "to" in table else usual.high
@@ -127,14 +129,14 @@ def _interval(table: JsonTable) -> AllowedInterval:
     return AllowedInterval(low, high, table.number("soft", 0.0, 0.0, FARTHEST))
 
 
-def _allowed_place(table: JsonTable) -> AllowedPlace:
+def _allowed_place(table: DocumentTable) -> AllowedPlace:
     at_m = _value(table, ("near",), table.get("near"))
     if not isinstance(at_m, tuple):
         raise table.error("near", "a place is two numbers in metres", '{"near": [4, 2], "within_m": 1}')
     return AllowedPlace(at_m, table.number("within_m", 1.0, 0.0, FARTHEST), table.number("soft_m", 0.0, 0.0, FARTHEST))
 
 
-def _graded(table: JsonTable) -> AllowedValues:
+def _graded(table: DocumentTable) -> AllowedValues:
     degrees = table.table("degrees", _ALLOWED)
     found = {name: degrees.number(name, 1.0, 0.0, 1.0) for name in degrees.entries}
     if not any(found.values()):
@@ -142,7 +144,7 @@ def _graded(table: JsonTable) -> AllowedValues:
     return AllowedValues(tuple((name, degree) for name, degree in found.items() if degree > 0.0))
 
 
-def _percept(seen: JsonTable, name: str) -> Mapping[str, ObservedProperty | None]:
+def _percept(seen: DocumentTable, name: str) -> Mapping[str, ObservedProperty | None]:
     _check_name(seen, name)
     table = seen.table(name, '{"kind": "gasbottle", "mark": null}')
     if len(table.entries) > MOST_PROPERTIES:
@@ -150,7 +152,7 @@ def _percept(seen: JsonTable, name: str) -> Mapping[str, ObservedProperty | None
     return {each: _observed(table, each) for each in table.entries}
 
 
-def _observed(percept: JsonTable, name: str) -> ObservedProperty | None:
+def _observed(percept: DocumentTable, name: str) -> ObservedProperty | None:
     value = percept.get(name)
     if value is None:
         return None
@@ -164,7 +166,7 @@ def _observed(percept: JsonTable, name: str) -> ObservedProperty | None:
     return ObservedProperty(found, table.number("confidence", 1.0, 0.0, 1.0), table.number("sd_m", 0.0, 0.0, FARTHEST))
 
 
-def _value(table: JsonTable, path: tuple[str | int, ...], value: object) -> PropertyValue:
+def _value(table: DocumentTable, path: tuple[str | int, ...], value: object) -> PropertyValue:
     if isinstance(value, bool):
         return value
     if isinstance(value, str) and len(value) <= LONGEST_NAME:
@@ -179,6 +181,6 @@ def _value(table: JsonTable, path: tuple[str | int, ...], value: object) -> Prop
     raise table.error(path, message, '"red", true, 1.5 or [4.0, 2.0]')
 
 
-def _check_name(table: JsonTable, name: str) -> None:
+def _check_name(table: DocumentTable, name: str) -> None:
     if not name or len(name) > LONGEST_NAME or not name.isprintable():
         raise table.error(name, f"names have 1 to {LONGEST_NAME} printable characters, got {shown(name)}", '"po1"')

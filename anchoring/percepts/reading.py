@@ -24,9 +24,9 @@ from anchoring.links.structures import Percept
 from anchoring.percepts.leaps import PerceptLeaps
 from anchoring.percepts.naming import DetectionNames
 from dyknow import US_PER_MS, US_PER_S, Value
+from dyknow.documents.json_lines import JsonLine
 from dyknow.model.errors import TextError, did_you_mean
 from navigation import LocalFrame
-from reasoning.monitoring.json_lines import JsonLine
 
 FARTHEST_M: Final = 2e7
 """No position is farther from the origin: UTM coordinates are within."""

@@ -283,7 +283,7 @@ class RefinementProcess(OnDemand):
             self.dropped += 1
             if self.dropped == 10 ** (len(str(self.dropped)) - 1):
                 self.fault(
-                    f"{self.prototype.name} is slower than its inputs come: what was late is dropped, until now {self.dropped}"
+                    f"{self.prototype.name} is slower than its inputs come: late inputs are dropped, until now {self.dropped}"
                 )
 
     def _next(self, now_us: int) -> None:

@@ -1,6 +1,7 @@
 """Policies: the constraints of a subscriber on its stream (thesis, Def. 4.4.8 to 4.4.13, 4.5.11)."""
 
 import re
+from collections.abc import Callable, Mapping
 from dataclasses import dataclass, replace
 from hashlib import sha256
 from math import inf
@@ -32,9 +33,9 @@ _CONSTRAINTS: Final = (
     ("all updated", "change", "all updated"),
     ("all changed", "change", "all changed"),
     ("sample every", "sample_us", "$time"),
-    ("max delay", "max_delay_us", "$time_or_oo"),
+    ("max delay", "max_delay_us", "$time or oo"),
     ("from", "from_us", "$instant"),
-    ("to", "to_us", "$instant_or_oo"),
+    ("to", "to_us", "$instant or oo"),
     ("any order", "order", "any"),
     ("monotone order", "order", "monotone"),
     ("strict order", "order", "strict"),
@@ -295,7 +296,7 @@ class _Reader:
     def constraint(self, start: _Token) -> None:
         for words, field, value in _CONSTRAINTS:
             if self.words(*words.split()):
-                self.put(field, getattr(self, f"read_{value[1:]}")() if value.startswith("$") else value, start)
+                self.put(field, self.value(value) if value.startswith("$") else value, start)
                 if field == "from_us":
                     self.end_of_duration(start)
                 return
@@ -305,7 +306,7 @@ class _Reader:
     def end_of_duration(self, start: _Token) -> None:
         """`from T` may be followed by `to T`."""
         if self.words("to"):
-            self.put("to_us", self.read_instant_or_oo(), start)
+            self.put("to_us", self.value("$instant or oo"), start)
         elif self.peek().text == "until":
             begin = self.tokens[self.next - 1].text
             self.fail("a duration ends with `to`, not `until`", self.peek(), f"from {begin} to ...")
@@ -331,33 +332,16 @@ class _Reader:
             )
         self.fields[field], self.written[kind] = value, written
 
-    def read_time(self) -> int:
+    def value(self, kind: str) -> Any:
+        """What the next word stands for; None for `oo` where that may stand."""
+        kind, _, endless = kind.partition(" or ")
+        if endless and self.words(endless):
+            return None
         token = self.take()
         try:
-            return parse_duration(token.text)
+            return _VALUES[kind](token.text)
         except TextError as wrong:
             self.fail(wrong.message, token, wrong.repair)
-
-    def read_time_or_oo(self) -> int | None:
-        return None if self.words("oo") else self.read_time()
-
-    def read_instant(self) -> int:
-        token = self.take()
-        try:
-            return parse_instant("".join(token.text.split()) if token.text[0] in "+-" else token.text)
-        except TextError as wrong:
-            self.fail(wrong.message, token, wrong.repair)
-
-    def read_instant_or_oo(self) -> int | None:
-        return None if self.words("oo") else self.read_instant()
-
-    def read_number(self) -> float:
-        token = self.take()
-        if not _QUANTITY.fullmatch(token.text):
-            self.fail(f"expected a number, got {token.text!r}", token, "0.95")
-        if float(token.text) == inf:
-            self.fail("the number is too large", token, "0.95")
-        return float(token.text)
 
     def peek(self) -> _Token:
         return self.tokens[self.next] if self.next < len(self.tokens) else _Token("", len(self.text))
@@ -371,6 +355,21 @@ class _Reader:
 
     def fail(self, message: str, token: _Token, repair: str = "") -> NoReturn:
         raise TextError.at_offset(self.text, token.at, message, width=len(token.text), repair=repair)
+
+
+def _quantity(text: str) -> float:
+    if not _QUANTITY.fullmatch(text):
+        raise TextError(f"expected a number, got {text!r}", repair="0.95")
+    if float(text) == inf:
+        raise TextError("the number is too large", repair="0.95")
+    return float(text)
+
+
+_VALUES: Final[Mapping[str, Callable[[str], float]]] = {
+    "$time": parse_duration,
+    "$instant": lambda text: parse_instant("".join(text.split()) if text[0] in "+-" else text),
+    "$number": _quantity,
+}
 
 
 def _timed(words: str, time_us: int | None) -> str:

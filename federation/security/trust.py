@@ -12,8 +12,8 @@ from functools import cached_property
 from hashlib import sha256
 from typing import TYPE_CHECKING, Any, Final, Literal, TypeAlias
 
+from dyknow.documents.toml_texts import tables_of
 from dyknow.model.errors import NameRefused, RosterError
-from dyknow.model.toml_texts import tables_of
 from federation import keys
 from federation.messages.acts import Act
 from federation.messages.codec import Signature

@@ -4,13 +4,14 @@ from collections.abc import Callable, Mapping, Sequence
 from dataclasses import dataclass
 from typing import Any, TypeAlias
 
-from dyknow.model.errors import DyknowError
+from dyknow.documents.documents import toml_document
+from dyknow.model.errors import DyknowError, did_you_mean
 from dyknow.model.labels import Label
 from dyknow.model.sample import Quality, Sample, Value
 from dyknow.model.semantic_labels import SemanticLabel
 from dyknow.model.values import NO_VALUE, Field, NoValue, Sort
 from federation import keys
-from federation.sharing.ontology import Ontology, read_toml, wrong_table
+from federation.sharing.ontology import EXAMPLE, Ontology
 
 Convert: TypeAlias = Callable[[Value], Value]
 
@@ -156,13 +157,16 @@ class Translation:
             TextError: it is not TOML, the ontology lacks a label or field, or a unit does not convert.
         """
         local: dict[str, LocalLabel] = {}
-        for name, entry in read_toml(text, file).items():
+        document = toml_document(text, file, EXAMPLE)
+        for name, entry in document.entries.items():
             if name not in ontology:
-                raise wrong_table(f"{name} is not in the ontology, which has {', '.join(ontology)}", name, text, file)
+                raise document.error(
+                    (name,), f"not in the ontology.{did_you_mean(name, tuple(ontology))}", "a label of it"
+                )
             try:
                 local[name] = _local_label(ontology[name], entry)
             except DyknowError as wrong:
-                raise wrong_table(f"{name}: {wrong}", name, text, file) from None
+                raise document.error((name,), str(wrong), '[battery], then local = "charge[{unit}]"') from None
         return Translation(ontology, local)
 
     def _entry(self, semantic_label: str) -> LocalLabel:

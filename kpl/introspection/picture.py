@@ -6,21 +6,22 @@ few times (Sugiyama, Tagawa and Toda, 1981).
 """
 
 from collections import defaultdict
-from collections.abc import Iterable, Mapping, Sequence
-from html import escape
+from collections.abc import Iterable, Iterator, Mapping, Sequence
 from itertools import pairwise
-from typing import Final, TypeAlias
+from typing import Final, NamedTuple, TypeAlias
 
 from kpl.introspection.graph import Graph, GraphNode
+from kpl.introspection.svg import BLACK, box, curve, document, words
 
 _CHAR, _HIGH, _GAP_X, _GAP_Y, _PAD, _MARGIN = 6.2, 34.0, 34.0, 10.0, 10.0, 12.0
 """Pixels: a character of 11 px, a box, what lies between boxes."""
-_SWEEPS: Final = 12
+_SWEEPS: Final = 13
+"""Odd, so that the last goes from left to right: no edges of a tree cross."""
 _FILLS: Final[Mapping[str, str]] = {
     "source": "#e3f0e3", "unit": "#ffffff", "state": "#e8eefb", "stream": "#fdf2d8", "monitor": "#f8dcd8",
     "chronicles": "#efe3f6", "objects": "#eeeeee", "import": "#e3f0e3", "export": "#fdf2d8",
 }  # fmt: skip
-_BLACK, _GREY = "#222222", "#666666"
+_GREY: Final = "#666666"
 _RECOGNISED: Final = {"recognition", "prediction", "partial"}
 _ROUND: Final = {"source", "stream", "import", "export"}
 
@@ -28,8 +29,24 @@ _Place: TypeAlias = tuple[str, int]
 """A node, or where an edge passes a layer: its name and the layer."""
 
 
+class NodeBox(NamedTuple):
+    """A node as it is drawn: its lines, the first of them black."""
+
+    lines: Sequence[str]
+    fill: str = "#ffffff"
+    corner: int = 2
+
+    @property
+    def wide(self) -> float:
+        return _PAD * 2 + _CHAR * max(map(len, self.lines))
+
+    @property
+    def high(self) -> float:
+        return max(_HIGH, 14.0 * len(self.lines) + 6.0)
+
+
 def as_svg(graph: Graph) -> str:
-    """A picture of the network; an edge that leads back is drawn, and counts for no layer.
+    """A picture of the network.
 
     Chronicles without a reader, and their partial instances, are left out.
     """
@@ -37,25 +54,34 @@ def as_svg(graph: Graph) -> str:
     nodes = {node.name: node for node in graph.nodes if node.name in taken or node.sort not in _RECOGNISED}
     for edge in graph.edges:
         nodes.setdefault(edge.source, GraphNode(edge.source, ""))
-    edges = list(dict.fromkeys((edge.source, edge.target) for edge in graph.edges if edge.target in nodes))
-    layer = _layers(nodes, edges)
+    edges = {(edge.source, edge.target): "" for edge in graph.edges if edge.target in nodes}
+    return layered_svg({name: _node_box(node) for name, node in nodes.items()}, edges)
+
+
+def _node_box(node: GraphNode) -> NodeBox:
+    """The name, and the maker."""
+    kind = node.made_by or ("" if node.kind in {"stream", "monitor", "source", ""} else node.kind)
+    lines = [node.name, *([kind] if kind else [])]
+    return NodeBox(lines, _FILLS.get(node.kind, "#ffffff"), 14 if node.kind in _ROUND else 2)
+
+
+def layered_svg(boxes: Mapping[str, NodeBox], edges: Mapping[tuple[str, str], str]) -> str:
+    """Boxes by name, and the words of each edge; an edge that leads back is drawn, and counts for no layer."""
+    layer = _layers(boxes, list(edges))
     ways = [_way(source, target, layer) for source, target in edges]
-    columns = _ordered(layer, ways)
-    wide = {name: _PAD * 2 + _CHAR * max(map(len, _lines(node))) for name, node in nodes.items()}
-    at = _positions(columns, wide)
-    right = max((x + wide.get(name, 0.0) for (name, _), (x, _) in at.items()), default=0.0) + _MARGIN
-    bottom = max((y for _, y in at.values()), default=0.0) + _HIGH / 2 + _MARGIN
-    parts = [
-        (
-            f'<svg xmlns="http://www.w3.org/2000/svg" viewBox="0 0 {right:.0f} {bottom:.0f}" width="{right:.0f}" '
-            f'height="{bottom:.0f}" font-family="Helvetica, Arial, sans-serif" font-size="11" fill="#222222">'
-        ),
-        f'<rect width="{right:.0f}" height="{bottom:.0f}" fill="#ffffff"/>',
-        *dict.fromkeys(_line(one, other, at, wide) for way in ways for one, other in pairwise(way)),
-        *(_box(node, at[name, layer[name]], wide[name]) for name, node in nodes.items()),
-        "</svg>",
-    ]
-    return "".join(f"{part}\n" for part in parts)
+    gap = _GAP_X + _CHAR * max(map(len, edges.values()), default=0)
+    at = _positions(_ordered(layer, ways), boxes, gap)
+    ends = {place: (x + (boxes[place[0]].wide if place[0] in boxes else 0.0), y) for place, (x, y) in at.items()}
+    right = max((x for x, _ in ends.values()), default=0.0) + _MARGIN
+    bottom = max((y + _height(place, boxes) / 2 for place, (_, y) in at.items()), default=0.0) + _MARGIN
+    lines = dict.fromkeys(curve(*ends[one], *at[other]) for way in ways for one, other in pairwise(way))
+    texts = (
+        words(at[way[-1]][0] - 6, at[way[-1]][1] + (14 if at[way[-1]][1] > at[way[0]][1] else -5), text, "end", _GREY)
+        for way, text in zip(ways, edges.values(), strict=True)
+        if text
+    )
+    drawn = (part for name, each in boxes.items() for part in _box(each, *at[name, layer[name]]))
+    return document(right, bottom, (*lines, *texts, *drawn))
 
 
 def _layers(names: Iterable[str], edges: Sequence[tuple[str, str]]) -> dict[str, int]:
@@ -111,54 +137,30 @@ def _ordered(layer: Mapping[str, int], ways: Sequence[Sequence[_Place]]) -> list
     return ordered
 
 
-def _positions(columns: Sequence[Sequence[_Place]], wide: Mapping[str, float]) -> dict[_Place, tuple[float, float]]:
+def _positions(
+    columns: Sequence[Sequence[_Place]], boxes: Mapping[str, NodeBox], gap: float
+) -> dict[_Place, tuple[float, float]]:
     """The left end and the middle of each place, each layer centred."""
-    high = {at: sum(map(_height, column)) for at, column in enumerate(columns)}
-    highest = max(high.values(), default=0.0)
+    high = [sum(_height(place, boxes) for place in column) for column in columns]
     found: dict[_Place, tuple[float, float]] = {}
     x = _MARGIN
-    for at, column in enumerate(columns):
-        y = _MARGIN + (highest - high[at]) / 2
+    for column, sum_high in zip(columns, high, strict=True):
+        y = _MARGIN + (max(high) - sum_high) / 2
         for place in column:
-            found[place] = x, y + (_height(place) - _GAP_Y) / 2
-            y += _height(place)
-        x += max((wide.get(name, 0.0) for name, _ in column), default=0.0) + _GAP_X
+            step = _height(place, boxes)
+            found[place] = x, y + (step - _GAP_Y) / 2
+            y += step
+        x += max((boxes[name].wide for name, _ in column if name in boxes), default=0.0) + gap
     return found
 
 
-def _height(place: _Place) -> float:
+def _height(place: _Place, boxes: Mapping[str, NodeBox]) -> float:
     """The height of a box, or of an edge that passes, with the gap below it."""
-    return _GAP_Y * 1.5 if "\n" in place[0] else _HIGH + _GAP_Y
+    return boxes[place[0]].high + _GAP_Y if place[0] in boxes else _GAP_Y * 1.5
 
 
-def _lines(node: GraphNode) -> list[str]:
-    """The name, and the kind or maker."""
-    kind = node.made_by or ("" if node.kind in {"stream", "monitor", "source", ""} else node.kind)
-    return [node.name, *([kind] if kind else [])]
-
-
-def _line(one: _Place, other: _Place, at: Mapping[_Place, tuple[float, float]], wide: Mapping[str, float]) -> str:
-    (x, y), (end_x, end_y) = at[one], at[other]
-    x += wide.get(one[0], 0.0)
-    bend = abs(end_x - x) / 2
-    return (
-        f'<path d="M{x:.0f},{y:.0f} C{x + bend:.0f},{y:.0f} {end_x - bend:.0f},{end_y:.0f} {end_x:.0f},{end_y:.0f}" '
-        f'fill="none" stroke="#8a8a8a"/>'
-    )
-
-
-def _box(node: GraphNode, place: tuple[float, float], wide: float) -> str:
-    x, y = place
-    lines = _lines(node)
-    top = y - _HIGH / 2
-    texts = [
-        f'<text x="{x + wide / 2:.0f}" y="{y + 4 + (14 * number - 7 * (len(lines) - 1)):.0f}" text-anchor="middle" '
-        f'fill="{_GREY if number else _BLACK}">{escape(text)}</text>'
-        for number, text in enumerate(lines)
-    ]
-    corner = 14 if node.kind in _ROUND else 2
-    fill = _FILLS.get(node.kind, "#ffffff")
-    return (
-        f'<rect x="{x:.0f}" y="{top:.0f}" width="{wide:.0f}" height="{_HIGH:.0f}" rx="{corner}" fill="{fill}" '
-        f'stroke="#444444"/>{"".join(texts)}'
-    )
+def _box(of: NodeBox, x: float, y: float) -> Iterator[str]:
+    yield box(x, y - of.high / 2, of.wide, of.high, fill=of.fill, corner=of.corner)
+    for number, text in enumerate(of.lines):
+        at_y = y + 4 + 14 * number - 7 * (len(of.lines) - 1)
+        yield words(x + of.wide / 2, at_y, text, "middle", _GREY if number else BLACK)

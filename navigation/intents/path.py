@@ -211,7 +211,18 @@ def contingent(intent: Intent, origin: FlatOrigin, steps: int = STEPS) -> Tube |
     """The tube if platform or link die at once; None: it is the nominal one."""
     if intent.contingency is None or intent.ending is IntentEnding.OPEN:
         return None
-    after_s, legs, ending = intent.contingency
+    return _changed(intent, origin, steps, *intent.contingency)
+
+
+def resumed(intent: Intent, own_way: Intent, origin: FlatOrigin, after_s: float, steps: int = STEPS) -> Tube:
+    """The tube if the vehicle flies its own way again so long after a manoeuvre was published."""
+    return _changed(intent, origin, steps, after_s, own_way.legs, own_way.ending)
+
+
+def _changed(
+    intent: Intent, origin: FlatOrigin, steps: int, after_s: float, legs: Sequence[IntendedPlace], ending: IntentEnding
+) -> Tube:
+    """The tube of an intent that ends after that time with other legs."""
     delayed = min(steps, max(0, round(after_s / STEP_S)))
     performance = performance_of(intent)
     whole = fly(motion_of(intent, origin), flat_legs(intent.legs, origin), intent.ending, performance, steps)

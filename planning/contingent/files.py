@@ -14,6 +14,8 @@ import re
 from collections.abc import Mapping, Sequence
 from typing import Any, Final, NamedTuple
 
+from dyknow.documents.documents import json_document
+from dyknow.documents.tables import DocumentTable, shown
 from dyknow.model.errors import did_you_mean
 from planning.contingent.conditional_plans import NONE, ConditionalPlan, figures_of, print_plan
 from planning.contingent.optimal_search import PlanValue
@@ -26,7 +28,6 @@ from planning.contingent.sensing_problems import (
     SensingProblem,
     sensing_problem,
 )
-from reasoning.monitoring.json_documents import JsonDocument, JsonTable, shown
 
 MOST_PLACES: Final = 2000
 MOST_WAYS: Final = 50_000
@@ -62,18 +63,16 @@ def read_recovery(source: str | bytes, file: str = "") -> RecoveryCase:
     Raises:
         TextError: something is wrong with it.
     """
-    root = JsonDocument(source, file, EXAMPLE).root
-    if "kind" not in root:
-        raise root.error((), "kind is missing: identify, or search", EXAMPLE)
-    task: RecoveryTask = "search" if root.choice("kind", "identify", ("identify", "search")) == "search" else "identify"
+    root = DocumentTable(json_document(source, file, EXAMPLE))
+    task: RecoveryTask = "search" if root.text("kind", None, ("identify", "search")) == "search" else "identify"
     ways = _ways(root)
     start = _name(root, ("start",), root.get("start"))
     objects = _names(root, ("objects",), root.get("objects") if "objects" in root else None)
     symbol = _name(root, ("symbol",), root.get("symbol")) if "symbol" in root else _symbol(task, objects)
-    value: PlanValue = "expected" if root.choice("value", "worst", ("worst", "expected")) == "expected" else "worst"
+    value: PlanValue = "expected" if root.text("value", "worst", ("worst", "expected")) == "expected" else "worst"
     least = root.number("least_possibility", 0.0, 0.0, 1.0)
     errors = _errors(root) if "errors" in root else None
-    tables = root.tables("hypotheses", f'"hypotheses": [{_HYPOTHESIS}]')
+    tables = root.list("hypotheses", f'"hypotheses": [{_HYPOTHESIS}]')
     known = {start, *ways, *(to for others in ways.values() for to in others)}
     reader = _HypothesisReader(task, objects, known)
     found = [reader.read(each) for each in tables]
@@ -121,9 +120,9 @@ class _HypothesisReader:
     def __init__(self, task: RecoveryTask, objects: Sequence[str], places: set[str]) -> None:
         self._task, self._objects, self._places = task, set(objects), places
 
-    def read(self, table: JsonTable) -> RecoveryHypothesis:
+    def read(self, table: DocumentTable) -> RecoveryHypothesis:
         possibility = table.number("possibility", 1.0, 0.0, 1.0)
-        seen = table.table("visible_from", '"visible_from": {"po1": ["r1_2"]}', is_needed=False)
+        seen = table.table("visible_from")
         visible: dict[str, frozenset[str]] = {}
         for target in seen.entries:
             if self._objects and target not in self._objects:
@@ -164,7 +163,7 @@ def _normalised(found: Sequence[RecoveryHypothesis], notes: list[str]) -> list[R
     return [hypotheses[number] for number in sorted(kept)]
 
 
-def _errors(root: JsonTable) -> LookErrors:
+def _errors(root: DocumentTable) -> LookErrors:
     """How looks err: `{"unseen": 0.1, "false": 0.05, "sure": 0.95, "looks": 6}`."""
     table = root.table("errors", '"errors": {"unseen": 0.1, "false": 0.05}')
     unseen, false = (table.number(each, 0.0, 0.0, 1.0) for each in ("unseen", "false"))
@@ -172,18 +171,16 @@ def _errors(root: JsonTable) -> LookErrors:
         raise table.error(
             (), "unseen and false together are below 1: else a look decides nothing", '{"unseen": 0.1, "false": 0.05}'
         )
-    looks = table.number("looks", 6, 1, MOST_NOISY_LOOKS)
-    if looks != int(looks):
-        raise table.error("looks", f"a whole number is expected, got {looks:g}", '"looks": 6')
+    looks = table.whole("looks", 6, 1, MOST_NOISY_LOOKS)
     usual = LookErrors(unseen, false)
-    return usual._replace(sure=table.number("sure", usual.sure, 0.5, 1.0), looks=int(looks))
+    return usual._replace(sure=table.number("sure", usual.sure, 0.5, 1.0), looks=looks)
 
 
 def _symbol(task: RecoveryTask, objects: Sequence[str]) -> str:
     return objects[0] if task == "search" and objects else "b1"
 
 
-def _ways(root: JsonTable) -> Mapping[str, tuple[str, ...]]:
+def _ways(root: DocumentTable) -> Mapping[str, tuple[str, ...]]:
     table = root.table("places", '"places": {"r1_1": ["r1_2"], "r1_2": ["r1_1"]}')
     if len(table.entries) > MOST_PLACES:
         raise root.error("places", f"{len(table.entries)} places, at most {MOST_PLACES} are read", "a part of them")
@@ -193,7 +190,7 @@ def _ways(root: JsonTable) -> Mapping[str, tuple[str, ...]]:
     return ways
 
 
-def _names(table: JsonTable, path: tuple[str | int, ...], value: object) -> tuple[str, ...]:
+def _names(table: DocumentTable, path: tuple[str | int, ...], value: object) -> tuple[str, ...]:
     """A list of names; a name alone stands for a list of it, null for none."""
     if value is None:
         return ()
@@ -206,7 +203,7 @@ def _names(table: JsonTable, path: tuple[str | int, ...], value: object) -> tupl
     return tuple(dict.fromkeys(_name(table, (*path, number), each) for number, each in enumerate(value)))
 
 
-def _name(table: JsonTable, path: tuple[str | int, ...], value: object) -> str:
+def _name(table: DocumentTable, path: tuple[str | int, ...], value: object) -> str:
     if not isinstance(value, str) or not _NAME.fullmatch(value) or not value.isprintable() or value == NONE:
         message = f"a name of 1 to 64 characters without blanks, quotes or brackets, other than {NONE}, is expected"
         raise table.error(path, f"{message}, got {shown(value)}", '"r1_2"')

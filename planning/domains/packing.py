@@ -1,8 +1,9 @@
 """Declarations as plain data for another process of this platform, and back: without the places of their nodes, which only messages need.
 
-The text is JSON: of each declaration or formula its kind and its fields, in their order. A text that comes back is
-checked field by field against the kind's declaration: a platform that a journal is replayed to may read a text from a
-stranger.
+They are no text of a domain: to read one takes thirteen times as long, 4.3 ms for 1.7 kB, and a search process has read it already, so
+that the thread of the platform need not. The text is JSON: of each declaration or formula its kind and its fields, in their order. A text
+that comes back is checked field by field against the kind's declaration: a platform that a journal is replayed to may read a text
+from a stranger.
 """
 
 import json

@@ -1,23 +1,11 @@
 """Domains and problems to text: reading the text gives the declarations back."""
 
-from typing import Final
+from typing import ClassVar, Final
 
-from dyknow.model.instants import print_duration
+from kpl.syntax.printing import OR, SUM, UNARY, ExpressionPrinter
 from planning.domains import model
 from planning.domains.model import Application, Declarations, Expression, InGoal, Next, Quantified
 from reasoning.formulas import tree
-
-_EXPR, _OR, _AND, _UNTIL, _UNARY, _COMPARISON, _SUM, _PRODUCT, _FACTOR, _PRIMARY = range(10)
-"""Levels of the grammar, from the one that binds least."""
-_LEVELS: Final[dict[type, int]] = {
-    tree.Implies: _EXPR,
-    tree.Or: _OR,
-    tree.And: _AND,
-    tree.Until: _UNTIL,
-    **dict.fromkeys((tree.Not, tree.Always, tree.Eventually, Next), _UNARY),
-    tree.Compare: _COMPARISON,
-    tree.Negate: _FACTOR,
-}
 
 
 def print_declarations(found: Declarations) -> str:
@@ -50,7 +38,7 @@ def _feature(one: model.FeatureDeclaration) -> str:
     sorts = f"({', '.join(one.sorts)})" if one.sorts else ""
     default = "" if one.default is None else f" = {print_expression(one.default)}"
     within = "" if one.within is None else f" :within {one.within!r}"
-    disturbed = "" if one.disturbed_us is None else f" :disturbed {_time(one.disturbed_us)}"
+    disturbed = "" if one.disturbed_us is None else f" :disturbed {_PRINTER.bound(one.disturbed_us)}"
     return f"#feature {one.name}{sorts} : {one.sort}{default}{within}{disturbed}"
 
 
@@ -65,7 +53,7 @@ def _recovery(one: model.RecoveryOperator) -> str:
 
 def _assumption(one: model.Effect) -> str:
     variables = f"forall {_variables(one.variables)}: " if one.variables else ""
-    condition = "" if one.condition is None else f"{_show(one.condition, _OR, last=False)} -> "
+    condition = "" if one.condition is None else f"{_PRINTER.show(one.condition, OR, last=False)} -> "
     return f"{variables}{condition}{_change(one.target, one.value)}"
 
 
@@ -109,8 +97,8 @@ def _operator(one: model.Operator) -> str:
 
 
 def _timing(one: model.TimeConstraint) -> str:
-    least = "" if one.shortest is None else f"{_show(one.shortest, _SUM, last=False)} <= "
-    most = "" if one.longest is None else f" <= {_show(one.longest, _SUM, last=False)}"
+    least = "" if one.shortest is None else f"{_PRINTER.show(one.shortest, SUM, last=False)} <= "
+    most = "" if one.longest is None else f" <= {_PRINTER.show(one.longest, SUM, last=False)}"
     return f"  :timeconstraint {'monitored ' if one.monitored else ''}{least}end - start{most}"
 
 
@@ -121,7 +109,7 @@ def _condition(clause: str, stamp: str, one: model.OperatorCondition) -> str:
 
 def _effect(one: model.Effect) -> str:
     variables = f"forall {_variables(one.variables)}: " if one.variables else ""
-    condition = "" if one.condition is None else f"[start] {_show(one.condition, _OR, last=False)} -> "
+    condition = "" if one.condition is None else f"[start] {_PRINTER.show(one.condition, OR, last=False)} -> "
     return f"{variables}{condition}{_stamp(one.anchor, one.offset_ms)}{_change(one.target, one.value)}"
 
 
@@ -138,99 +126,30 @@ def _change(target: Application, value: Expression) -> str:
 
 def print_expression(expression: Expression) -> str:
     """An expression on one line, with the parentheses it needs."""
-    return _show(expression, _EXPR, last=True)
-
-
-def _show(expression: Expression, level: int, *, last: bool) -> str:
-    """Text that stands where the grammar wants `level`; `last` if nothing follows that a quantifier would swallow."""
-    mine = _level(expression)
-    return (
-        _text(expression, last=last)
-        if mine >= level and (last or not _reaches_right(expression))
-        else (f"({_text(expression, last=True)})")
-    )
-
-
-def _level(expression: Expression) -> int:
-    match expression:
-        case Quantified():
-            return _UNARY
-        case tree.Arithmetic(operator, _, _):
-            return _SUM if operator in "+-" else _PRODUCT
-        case tree.Const(value) if not isinstance(value, bool | str) and value < 0:
-            return _FACTOR
-    return _LEVELS.get(type(expression), _PRIMARY)
-
-
-def _reaches_right(expression: Expression) -> bool:
-    """Whether it ends with a quantifier, which swallows what follows."""
-    match expression:
-        case Quantified():
-            return True
-        case tree.Not(operand) | tree.Always(operand) | tree.Eventually(operand) | Next(operand):
-            return _reaches_right(operand)
-    return False
-
-
-def _text(expression: Expression, *, last: bool) -> str:
-    match expression:
-        case tree.Implies(left, right):
-            return f"{_show(left, _OR, last=False)} -> {_show(right, _EXPR, last=last)}"
-        case tree.Or(parts):
-            return _joined(parts, "|", _AND, last=last)
-        case tree.And(parts):
-            return _joined(parts, "&", _UNTIL, last=last)
-        case tree.Until(left, right, lo_us, hi_us):
-            return f"{_show(left, _UNARY, last=False)} until{_interval(lo_us, hi_us)} {_show(right, _UNTIL, last=last)}"
-        case tree.Not(operand):
-            return f"!{_show(operand, _UNARY, last=last)}"
-        case tree.Always(operand, lo_us, hi_us):
-            return f"always{_interval(lo_us, hi_us)} {_show(operand, _UNARY, last=last)}"
-        case tree.Eventually(operand, lo_us, hi_us):
-            return f"eventually{_interval(lo_us, hi_us)} {_show(operand, _UNARY, last=last)}"
-        case Next(operand):
-            return f"next {_show(operand, _UNARY, last=last)}"
-        case Quantified(kind, variables, body):
-            return f"{kind} {_variables(variables)}: {_show(body, _EXPR, last=last)}"
-    return _value(expression)
+    return _PRINTER.show(expression)
 
 
 def _variables(variables: tuple[model.Parameter, ...]) -> str:
     return ", ".join(f"{one.name} in {one.sort}" if one.sort else one.name for one in variables)
 
 
-def _joined(parts: tuple[Expression, ...], word: str, level: int, *, last: bool) -> str:
-    texts = [_show(part, level, last=False) for part in parts[:-1]]
-    return f" {word} ".join([*texts, _show(parts[-1], level, last=last)])
+class _DomainPrinter(ExpressionPrinter):
+    words: ClassVar = {tree.Or: "|", tree.And: "&", tree.Not: "!"}
+    equal: ClassVar = "=="
+    levels: ClassVar = {**ExpressionPrinter.levels, Next: UNARY, Quantified: UNARY}
+    quantifiers: ClassVar = (Quantified,)
+
+    def own(self, node: Expression, *, last: bool) -> str:
+        match node:
+            case Next(operand):
+                return f"next {self.show(operand, UNARY, last=last)}"
+            case Quantified(kind, variables, body):
+                return f"{kind} {_variables(variables)}: {self.show(body, last=last)}"
+            case InGoal(operand):
+                return f"goal({self.show(operand)})"
+            case Application(name, args):
+                return f"{name}({', '.join(map(self.show, args))})" if args else name
+        raise TypeError(f"{type(node).__name__} is no expression of a domain")
 
 
-def _value(expression: Expression) -> str:
-    match expression:
-        case tree.Compare(operator, left, right):
-            sign = "==" if operator == "=" else operator
-            return f"{_show(left, _SUM, last=False)} {sign} {_show(right, _SUM, last=False)}"
-        case tree.Arithmetic(operator, left, right):
-            level = _level(expression)
-            return f"{_show(left, level, last=False)} {operator} {_show(right, level + 1, last=False)}"
-        case tree.Negate(operand):
-            return f"-{_show(operand, _PRIMARY, last=False)}"
-        case tree.Const(value):
-            return ("true" if value else "false") if isinstance(value, bool) else repr(value)
-        case tree.Duration(us):
-            return print_duration(us)
-        case InGoal(operand):
-            return f"goal({print_expression(operand)})"
-        case Application(name, args):
-            return f"{name}({', '.join(map(print_expression, args))})" if args else name
-    raise TypeError(f"{type(expression).__name__} is no expression of a domain")
-
-
-def _interval(lo_us: tree.Bound, hi_us: tree.Bound | None) -> str:
-    if lo_us == 0 and hi_us is None:
-        return ""
-    return f"[{_time(lo_us)}, {'oo' if hi_us is None else _time(hi_us)}]"
-
-
-def _time(us: tree.Bound) -> str:
-    assert isinstance(us, int)  # noqa: S101 - reading makes microseconds of bounds
-    return print_duration(us) if us else "0"
+_PRINTER: Final = _DomainPrinter()

@@ -17,9 +17,9 @@ from itertools import chain
 from typing import Any, NamedTuple
 
 from dyknow import Predicted, Quality, Sample, Value, of_json
+from dyknow.documents.json_lines import JsonLine
 from dyknow.model.errors import TextError
 from dyknow.model.instants import MAX_DURATION_US, US_PER_MS
-from reasoning.monitoring.json_lines import JsonLine
 
 _EXAMPLE = '{"t_ms": 100, "pos_car1": 12.5}'
 _TIMES = ("t_ms", "at_ms")

@@ -5,16 +5,16 @@ A profile holds text; kpl/running/profiles.py makes a formula of it. `self` is t
 """
 
 import re
-import tomllib
 from collections.abc import Mapping
 from dataclasses import dataclass, field
 from functools import cache
 from importlib.resources import files
-from typing import Any, Final, TypeAlias, get_args
+from typing import Final, TypeAlias, get_args
 
+from dyknow.documents.documents import toml_document
+from dyknow.documents.tables import DocumentTable, is_number, shown
 from dyknow.model.errors import TextError
 from dyknow.model.instants import US_PER_S, parse_duration
-from dyknow.model.toml_texts import tables_of
 from reasoning.features.derivation import ALTITUDE, FEATURES, HEIGHT, needed_labels
 from reasoning.features.well_clear import AMONG_SMALL, Thresholds
 from reasoning.formulas.evaluation import NoValuePolicy
@@ -26,18 +26,6 @@ AIRCRAFT: Final = "traffic"
 """The name of aircraft that are no members, in formulas of profiles."""
 _WORD: Final = re.compile(r"[A-Za-z_][A-Za-z0-9_]*")
 _VOLUME: Final = ("DMOD", "ZTHR", "TAUMOD_S", "TCOA_S")
-_KEYS: Final = {
-    "formula",
-    "sample",
-    "max_delay",
-    "meaning",
-    "thresholds",
-    "close_after",
-    "no_value",
-    "vertical",
-    "fence",
-    "starts_avoidance",
-}
 
 
 @dataclass(frozen=True, slots=True)
@@ -102,76 +90,67 @@ def parse_profiles(text: str, file: str = "") -> dict[str, Profile]:
     Raises:
         TextError: if it is no TOML, or a table lacks or misnames something; formulas are not looked into.
     """
-    try:
-        tables = tables_of(text)
-    except (tomllib.TOMLDecodeError, RecursionError) as error:
-        raise TextError(f"no TOML: {error}", file=file) from None
-    return {name: _profile(name, table, file) for name, table in tables.items()}
+    document = toml_document(text, file, "[mine], then formula, sample and max_delay, one a line")
+    found = {name: _profile(name, table) for name, table in DocumentTable(document).named().items()}
+    document.end()
+    return found
 
 
-def _profile(name: str, table: Any, file: str) -> Profile:
-    if not isinstance(table, dict):
-        raise TextError(f"{name} is not a table", file=file, repair=f"[{name}]")
-    for key in table:
-        if key not in _KEYS:
-            raise TextError(f"{name}: there is no {key}", file=file, repair=", ".join(sorted(_KEYS)))
-    for key in ("formula", "sample", "max_delay"):
-        if not isinstance(table.get(key), str):
-            raise TextError(f"{name}: {key} is missing or no text", file=file, repair=f'{key} = "..."')
-    thresholds = _of_kind(name, table, "thresholds", dict, {}, file)
-    no_value = table.get("no_value", "undecided")
-    if no_value not in get_args(NoValuePolicy):
-        raise TextError(f"{name}: no_value is {no_value!r}", file=file, repair=", ".join(get_args(NoValuePolicy)))
-    vertical = table.get("vertical", ALTITUDE)
-    if vertical not in {ALTITUDE, HEIGHT}:
-        raise TextError(f"{name}: vertical is {vertical!r}", file=file, repair=f"{ALTITUDE} or {HEIGHT}")
-    close_after = _of_kind(name, table, "close_after", int, 2, file)
-    if close_after < 1:
-        raise TextError(f"{name}: close_after is {close_after}", file=file, repair="close_after = 2")
-    return Profile(
+def _profile(name: str, table: DocumentTable) -> Profile:
+    formula, sample, max_delay = (table.text(key, None) for key in ("formula", "sample", "max_delay"))
+    thresholds = table.table("thresholds")
+    found = Profile(
         name=name,
-        formula=table["formula"].strip(),
-        sample_us=parse_duration(table["sample"]),
-        max_delay_us=parse_duration(table["max_delay"]),
-        thresholds={key.upper(): _threshold(name, key, value) for key, value in thresholds.items()},
-        meaning=str(table.get("meaning", "")),
-        close_after=close_after,
-        no_value=no_value,
-        vertical=vertical,
-        fence=_fence(name, _of_kind(name, table, "fence", list, [], file), file),
-        starts_avoidance=_of_kind(name, table, "starts_avoidance", bool, False, file),
+        formula=formula.strip(),
+        sample_us=_duration(table, "sample", sample),
+        max_delay_us=_duration(table, "max_delay", max_delay),
+        thresholds={key.upper(): _threshold(thresholds, key) for key in thresholds.entries},
+        meaning=table.text("meaning", ""),
+        close_after=table.whole("close_after", 2, 1, 1_000_000),
+        no_value=table.text("no_value", "undecided", get_args(NoValuePolicy)),  # type: ignore[arg-type] # one of these
+        vertical=table.text("vertical", ALTITUDE, (ALTITUDE, HEIGHT)),
+        fence=_fence(table),
+        starts_avoidance=table.flag("starts_avoidance"),
     )
+    table.end()
+    return found
 
 
-def _of_kind(name: str, table: Mapping[str, Any], key: str, kind: type, default: Any, file: str) -> Any:
-    value = table.get(key, default)
-    if not isinstance(value, kind) or (isinstance(value, bool) and kind is not bool):
-        raise TextError(f"{name}: {key} is {value!r}", file=file, repair=f"{key} as in the built-in profiles")
-    return value
+def _duration(table: DocumentTable, key: str, text: str) -> int:
+    try:
+        return parse_duration(text)
+    except TextError as wrong:
+        if key in table:
+            table.wrong(key, wrong.message, f'{key} = "200ms"')
+        return US_PER_S
 
 
-def _threshold(name: str, key: str, value: Any) -> Threshold:
+def _threshold(table: DocumentTable, key: str) -> Threshold:
     """A number, or a time that parses; numbers may come as text."""
+    value = table.get(key)
     if isinstance(value, str):
         try:
             return float(value)
         except ValueError:
-            parse_duration(value)
+            _duration(table, key, value)
             return value
-    if isinstance(value, int | float) and not isinstance(value, bool):
-        return float(value)
-    raise TextError(f"{name}: the threshold {key} is {value!r}", repair='a number, or a time such as "10s"')
+    if not is_number(value):
+        table.wrong(key, f"a number or a time is expected, got {shown(value)}", f'{key} = 10, or "10s"')
+        return 0.0
+    return float(value)
 
 
 def _seconds(value: Threshold) -> float:
     return parse_duration(value) / US_PER_S if isinstance(value, str) else value
 
 
-def _fence(name: str, corners: list[Any], file: str) -> tuple[tuple[float, float], ...]:
+def _fence(table: DocumentTable) -> tuple[tuple[float, float], ...]:
+    corners = table.get("fence") or []
     try:
         fence = tuple((float(latitude), float(longitude)) for latitude, longitude in corners)
     except (TypeError, ValueError):
-        raise TextError(f"{name}: a fence is a list of corners", file=file, repair="[[58.40, 15.67], ...]") from None
+        table.wrong("fence", f"a list of corners is expected, got {shown(corners)}", "fence = [[58.40, 15.67], ...]")
+        return ()
     if fence and len(fence) < 3:
-        raise TextError(f"{name}: a fence has at least three corners, here are {len(fence)}", file=file)
+        table.wrong("fence", f"at least three corners are expected, got {len(fence)}", "fence = [[58.40, 15.67], ...]")
     return fence

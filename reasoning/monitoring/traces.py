@@ -12,6 +12,7 @@ from collections.abc import Iterable, Mapping, Sequence
 from dataclasses import dataclass, field
 from typing import Any, NamedTuple, TypeAlias
 
+from dyknow.documents.json_lines import JsonLine
 from dyknow.model.errors import TextError
 from dyknow.model.instants import US_PER_MS
 from dyknow.model.labels import Label
@@ -19,7 +20,6 @@ from dyknow.model.sample import Value
 from dyknow.model.values import NO_VALUE
 from reasoning.formulas.evaluation import NoValuePolicy
 from reasoning.formulas.tree import Domains, Exists, Feature, Forall, Formula, Variable, walk
-from reasoning.monitoring.json_lines import JsonLine
 from reasoning.progression.automaton import Verdict
 from reasoning.progression.engine import Progressing, make_progression
 

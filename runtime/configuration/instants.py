@@ -3,10 +3,9 @@
 import re
 from datetime import timedelta
 
-from dyknow.model.errors import WrongCall
-from dyknow.model.instants import EPOCH, US_PER_UNIT, iso_instant, print_span
+from dyknow.model.errors import TextError, WrongCall
+from dyknow.model.instants import EPOCH, US_PER_UNIT, iso_instant, parse_duration, print_span
 
-_DURATION = re.compile(r"(?P<number>[0-9]+(?:\.[0-9]+)?)(?P<unit>us|ms|s|min|h)?")
 SHORTEST_US = 1_000
 """The least that a period or a limit on the command line may be."""
 
@@ -17,16 +16,15 @@ def duration_us(text: str, *, option: str, least_us: int = 0) -> int:
     Raises:
         WrongCall: if the text is no duration, has no unit, or is too short; `option` names the place.
     """
-    found = _DURATION.fullmatch(text.strip()) if isinstance(text, str) else None
-    if found is None:
+    given = text.strip() if isinstance(text, str) else f"{type(text).__name__} {text!r}"
+    try:
+        duration = parse_duration(given)
+    except TextError as wrong:
         raise WrongCall(
-            f"{option}: {text!r} is not a duration; write a number and a unit, as in 200ms, 5s, 1.5min "
-            f"(units: {', '.join(US_PER_UNIT)})."
-        )
-    if found["unit"] is None:
-        number = found["number"]
-        raise WrongCall(f"{option}: {text!r} has no unit; say {number}ms or {number}s.")
-    duration = round(float(found["number"]) * US_PER_UNIT[found["unit"]])
+            f"{option}: {wrong.message}; write a number and a unit, as in 200ms, 5s, 1.5min (units: {', '.join(US_PER_UNIT)})."
+        ) from None
+    if given[-1].isdigit():
+        raise WrongCall(f"{option}: {text!r} has no unit; say {given}ms or {given}s.")
     if duration < least_us:
         raise WrongCall(
             f"{option}: {text} is too short; write {print_span(least_us).replace(' ', '')} or more, as in 5s."
@@ -49,8 +47,8 @@ def instant_us(text: str, now_us: int, *, option: str) -> int:
             raise WrongCall(f"{option}: {text!r} has no unit; say {given}ms or {given}s.")
         offset = duration_us(given[1:], option=option)
         return now_us - offset if given[0] == "-" else now_us + offset
-    if (found := _DURATION.fullmatch(given)) is not None and float(found["number"]) == 0:
-        return now_us
+    if re.fullmatch(r"[0.]+[a-z]+", given):
+        return now_us + duration_us(given, option=option)
     try:
         return iso_instant(given)
     except (ValueError, OverflowError):

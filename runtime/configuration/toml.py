@@ -1,13 +1,13 @@
 """TOML files that users write: unknown and mistyped keys are errors with file, line and remedy."""
 
-import re
 from pathlib import Path
 from typing import Any, Final, TypeVar
 
 from pydantic import BaseModel, ValidationError
 
-from dyknow.model.errors import WrongCall, did_you_mean
-from dyknow.model.toml_texts import tables_of
+from dyknow.documents.documents import toml_document
+from dyknow.documents.places import toml_lines
+from dyknow.model.errors import TextErrors, WrongCall, did_you_mean
 from proxies.files.named_files import bounded_text
 
 M = TypeVar("M", bound=BaseModel)
@@ -22,9 +22,9 @@ def read_toml(path: Path) -> dict[str, Any]:
     except OSError as error:
         raise WrongCall(f"{path}: cannot be read ({error.strerror}); it is a TOML file.") from None
     try:
-        return tables_of(text)
-    except (ValueError, RecursionError) as error:
-        raise WrongCall(f"{path}: is not TOML: {error}.") from None
+        return toml_document(text, str(path), 'key = "value", one a line').entries
+    except TextErrors as error:
+        raise WrongCall(str(error)) from None
 
 
 def read_model(path: Path, model: type[M]) -> M:
@@ -38,11 +38,12 @@ def read_model(path: Path, model: type[M]) -> M:
 
 def explained(error: ValidationError, place: str, text: str, model: type[BaseModel]) -> list[str]:
     """One sentence a mistake: place, what is wrong, what to write instead."""
-    sentences = []
-    for mistake in error.errors()[:MOST_MISTAKES]:
+    sentences, mistakes = [], error.errors()[:MOST_MISTAKES]
+    lines = toml_lines(text, [mistake["loc"] for mistake in mistakes])
+    for mistake, number in zip(mistakes, lines, strict=True):
         path = [str(part) for part in mistake["loc"]]
         name = ".".join(path)
-        where = f"{place}:{_line_of(text, path)}" if text else place
+        where = f"{place}:{number}" if text else place
         if mistake["type"] == "extra_forbidden":
             known = _keys_at(model, path[:-1])
             sentences.append(f"{where}: unknown key {name!r}.{did_you_mean(path[-1], known)}")
@@ -67,19 +68,3 @@ def _model_in(annotation: Any) -> type[BaseModel] | None:
     if isinstance(annotation, type) and issubclass(annotation, BaseModel):
         return annotation
     return next((model for part in getattr(annotation, "__args__", ()) if (model := _model_in(part)) is not None), None)
-
-
-def _line_of(text: str, path: list[str]) -> int:
-    """The line in which the last key of `path` is written, as well as a scan can tell; 1 if it is not found."""
-    table: list[str] = []
-    for number, line in enumerate(text.splitlines(), start=1):
-        header = re.match(r"\s*\[\[?\s*([^\]]+?)\s*\]\]?", line)
-        if header:
-            table = [part.strip().strip("\"'") for part in header[1].split(".")]
-            if table == path:
-                return number
-            continue
-        key = re.match(r"\s*([A-Za-z0-9_.\"'-]+)\s*=", line)
-        if key and table + [part.strip("\"'") for part in key[1].split(".")] == path:
-            return number
-    return 1

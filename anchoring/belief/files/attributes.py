@@ -15,7 +15,7 @@ from anchoring.belief.description import (
     RelationKind,
     uniform,
 )
-from anchoring.belief.files.tables import TomlTable
+from anchoring.belief.files.tables import WorldTable
 
 ORDERS: Final = {"place": 1, "velocity": 2, "acceleration": 3}
 RESERVED: Final = frozenset(
@@ -31,7 +31,7 @@ def are_deviations(values: Floats | None) -> bool:
     return values is not None and bool(((values >= LEAST_SD) & (values <= MOST_SD)).all())
 
 
-def read_region(root: TomlTable) -> tuple[Floats, Floats] | None:
+def read_region(root: WorldTable) -> tuple[Floats, Floats] | None:
     """Low and high (2,) of the positions; None where there is no region, or a wrong one."""
     if "region" not in root:
         root.get("region")
@@ -52,7 +52,7 @@ def read_region(root: TomlTable) -> tuple[Floats, Floats] | None:
 
 
 def read_attributes(
-    root: TomlTable, region: tuple[Floats, Floats] | None
+    root: WorldTable, region: tuple[Floats, Floats] | None
 ) -> tuple[list[GaussianAttribute], list[CategoricalAttribute]]:
     """All of `[attributes]`."""
     gaussian: list[GaussianAttribute] = []
@@ -70,7 +70,7 @@ def read_attributes(
     return gaussian, categorical
 
 
-def _gaussian(name: str, table: TomlTable, region: tuple[Floats, Floats] | None) -> GaussianAttribute:
+def _gaussian(name: str, table: WorldTable, region: tuple[Floats, Floats] | None) -> GaussianAttribute:
     order = ORDERS[table.text("motion", "place", tuple(ORDERS))]
     low, high, mean = table.numbers("low"), table.numbers("high"), table.numbers("mean")
     if name == POSITION:
@@ -118,7 +118,7 @@ def _gaussian(name: str, table: TomlTable, region: tuple[Floats, Floats] | None)
     return found
 
 
-def _check_presence(attribute: GaussianAttribute, table: TomlTable) -> None:
+def _check_presence(attribute: GaussianAttribute, table: WorldTable) -> None:
     if not attribute.is_optional:
         return
     prior_sd = float(np.sqrt(np.diag(attribute.prior_covariance)[: attribute.axes].max()))
@@ -132,7 +132,7 @@ def _check_presence(attribute: GaussianAttribute, table: TomlTable) -> None:
         table.wrong("create_sd", message, f"create_sd = {prior_sd / 2.0:g}")
 
 
-def _categorical(name: str, table: TomlTable) -> CategoricalAttribute:
+def _categorical(name: str, table: WorldTable) -> CategoricalAttribute:
     values = table.texts("values")
     if len(values) < 2:
         table.wrong("values", "has at least two values", 'values = ["red", "blue"]')
@@ -153,7 +153,7 @@ def _categorical(name: str, table: TomlTable) -> CategoricalAttribute:
 
 
 def _check_thresholds(
-    table: TomlTable, create: float, drop: float, prior: float, oldest: float, ageing_s: float
+    table: WorldTable, create: float, drop: float, prior: float, oldest: float, ageing_s: float
 ) -> None:
     """A created attribute must neither be dropped at once, nor exist from the beginning, nor stay for ever."""
     if drop >= create:
@@ -169,7 +169,7 @@ def _check_thresholds(
         table.wrong("drop", message, f"drop = {(create + oldest) / 2.0:g}, or no ageing_s")
 
 
-def read_relations(root: TomlTable) -> list[RelationKind]:
+def read_relations(root: WorldTable) -> list[RelationKind]:
     """All of `[relations]`."""
     found = []
     for name, table in root.tables("relations").items():
@@ -192,7 +192,7 @@ def read_relations(root: TomlTable) -> list[RelationKind]:
     return found
 
 
-def read_types(root: TomlTable, attributes: Mapping[str, object]) -> ObjectTypes:
+def read_types(root: WorldTable, attributes: Mapping[str, object]) -> ObjectTypes:
     """All of `[types]`, and `[classification]`."""
     about = root.table("classification")
     ageing_s, least = about.number("ageing_s", inf, 0.0, above=True), about.number("floor", 1e-6, 0.0, 1.0)

@@ -8,7 +8,7 @@ from anchoring.belief.arrays import Floats
 from anchoring.belief.description import CategoricalAttribute, GaussianAttribute, WorldModel
 from anchoring.belief.files.attributes import read_region
 from anchoring.belief.files.models import read_beliefs
-from anchoring.belief.files.tables import TomlTable, TomlText
+from anchoring.belief.files.tables import WorldTable
 from anchoring.belief.knowledge.ontology import (
     ACTIONS,
     REFUSE,
@@ -21,6 +21,7 @@ from anchoring.belief.knowledge.ontology import (
     lineage,
 )
 from anchoring.belief.observations import TYPE
+from dyknow.documents.documents import toml_document
 
 EXAMPLE: Final = "[classes.cup], [[rules]] and [[known]]"
 TOLERANCE: Final = {REPAIR: 0.1, REFUSE: 0.5}
@@ -33,8 +34,8 @@ def read_knowledge(text: str, model: WorldModel, file: str = "") -> KnowledgeBun
     Raises:
         TextErrors: every error in it.
     """
-    source = TomlText(text, file)
-    root = source.root(EXAMPLE)
+    source = toml_document(text, file, EXAMPLE)
+    root = WorldTable(source)
     area = read_region(root)
     classes = _classes(root, model)
     rules = _rules(root, model, classes)
@@ -51,7 +52,7 @@ def read_knowledge(text: str, model: WorldModel, file: str = "") -> KnowledgeBun
     return bundle
 
 
-def _classes(root: TomlTable, model: WorldModel) -> dict[str, KnownClass]:
+def _classes(root: WorldTable, model: WorldModel) -> dict[str, KnownClass]:
     tables = root.tables("classes")
     found: dict[str, KnownClass] = {}
     for name, table in tables.items():
@@ -71,7 +72,7 @@ def _classes(root: TomlTable, model: WorldModel) -> dict[str, KnownClass]:
     return found
 
 
-def _rules(root: TomlTable, model: WorldModel, classes: dict[str, KnownClass]) -> tuple[ClassRule, ...]:
+def _rules(root: WorldTable, model: WorldModel, classes: dict[str, KnownClass]) -> tuple[ClassRule, ...]:
     found: list[ClassRule] = []
     for table in root.list("rules"):
         name = table.text("name", None)
@@ -107,7 +108,7 @@ def _rules(root: TomlTable, model: WorldModel, classes: dict[str, KnownClass]) -
     return tuple(found)
 
 
-def _check_usual(root: TomlTable, classes: dict[str, KnownClass], rules: list[ClassRule]) -> None:
+def _check_usual(root: WorldTable, classes: dict[str, KnownClass], rules: list[ClassRule]) -> None:
     """The usual attributes of a class must obey its rules."""
     for name, table in root.tables("classes").items():
         usual = KnownInstance(name, classes[name].gaussian, classes[name].categorical)
@@ -118,7 +119,7 @@ def _check_usual(root: TomlTable, classes: dict[str, KnownClass], rules: list[Cl
                 )
 
 
-def _about_attribute(table: TomlTable, rule: ClassRule, model: WorldModel) -> ClassRule:
+def _about_attribute(table: WorldTable, rule: ClassRule, model: WorldModel) -> ClassRule:
     attribute = model.attributes.get(table.text("attribute", None))
     if attribute is None:
         table.wrong(
@@ -136,7 +137,7 @@ def _about_attribute(table: TomlTable, rule: ClassRule, model: WorldModel) -> Cl
     return _with_bounds(table, rule, attribute)
 
 
-def _with_bounds(table: TomlTable, rule: ClassRule, attribute: GaussianAttribute) -> ClassRule:
+def _with_bounds(table: WorldTable, rule: ClassRule, attribute: GaussianAttribute) -> ClassRule:
     given = [table.numbers(key, attribute.axes) for key in ("low", "high")]
     low = np.full(attribute.axes, -np.inf) if given[0] is None else given[0]
     high = np.full(attribute.axes, np.inf) if given[1] is None else given[1]
@@ -150,7 +151,7 @@ def _with_bounds(table: TomlTable, rule: ClassRule, attribute: GaussianAttribute
 
 
 def _known(
-    root: TomlTable, model: WorldModel, classes: dict[str, KnownClass], rules: tuple[ClassRule, ...]
+    root: WorldTable, model: WorldModel, classes: dict[str, KnownClass], rules: tuple[ClassRule, ...]
 ) -> tuple[KnownInstance, ...]:
     found: list[KnownInstance] = []
     for table in root.list("known"):

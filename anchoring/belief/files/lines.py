@@ -23,8 +23,8 @@ from anchoring.belief.files.models import HIGHEST_M, is_covariance
 from anchoring.belief.observations import TYPE, ReportedRelation, WorldObservation
 from anchoring.percepts.reading import FARTHEST_GEOGRAPHIC_M
 from dyknow import US_PER_MS, US_PER_S
+from dyknow.documents.json_lines import JsonLine
 from dyknow.model.errors import TextError, did_you_mean
-from reasoning.monitoring.json_lines import JsonLine
 
 FARTHEST: Final = 1e7
 FAR_AHEAD_US: Final = US_PER_S

@@ -31,8 +31,9 @@ from anchoring.belief.files.attributes import (
     read_relations,
     read_types,
 )
-from anchoring.belief.files.tables import TomlTable, TomlText
+from anchoring.belief.files.tables import WorldTable
 from anchoring.belief.sensing import trusted
+from dyknow.documents.documents import toml_document
 from navigation import LocalFrame
 
 HIGHEST_M: Final = 1e5
@@ -46,8 +47,8 @@ def read_world_model(text: str, file: str = "") -> WorldModel:
     Raises:
         TextErrors: every error in it.
     """
-    source = TomlText(text, file)
-    root = source.root(EXAMPLE)
+    source = toml_document(text, file, EXAMPLE)
+    root = WorldTable(source)
     gaussian, categorical = read_attributes(root, read_region(root))
     if not gaussian and not categorical:
         root.wrong("attributes", "there are no attributes", f"[attributes.{POSITION}]")
@@ -75,7 +76,7 @@ def read_world_model(text: str, file: str = "") -> WorldModel:
     return model
 
 
-def _frame(root: TomlTable) -> LocalFrame | None:
+def _frame(root: WorldTable) -> LocalFrame | None:
     """Of `[origin]`: where x = y = 0 is on earth."""
     if "origin" not in root:
         root.get("origin")
@@ -88,7 +89,7 @@ def _frame(root: TomlTable) -> LocalFrame | None:
     return LocalFrame(latitude_deg, longitude_deg, altitude_m)
 
 
-def _thresholds(root: TomlTable) -> LifeThresholds:
+def _thresholds(root: WorldTable) -> LifeThresholds:
     table, usual = root.table("thresholds"), LifeThresholds()
     found = LifeThresholds(
         table.number("create", usual.create, 0.0, 1.0, above=True),
@@ -113,7 +114,7 @@ def _thresholds(root: TomlTable) -> LifeThresholds:
     return found
 
 
-def _lifetime_s(root: TomlTable) -> float:
+def _lifetime_s(root: WorldTable) -> float:
     table = root.table("existence")
     lifetime_s = table.number("lifetime_s", inf, 0.0, above=True)
     kept = table.number("kept_per_s", 1.0, 0.0, 1.0, above=True)
@@ -124,7 +125,7 @@ def _lifetime_s(root: TomlTable) -> float:
     return lifetime_s if kept == 1.0 else -1.0 / log(kept)
 
 
-def _limits(root: TomlTable) -> WorldLimits:
+def _limits(root: WorldTable) -> WorldLimits:
     table, usual = root.table("limits"), WorldLimits()
     found = WorldLimits(
         table.whole("instances", usual.instances, 1, 100_000),
@@ -136,7 +137,7 @@ def _limits(root: TomlTable) -> WorldLimits:
 
 
 def _sensors(
-    root: TomlTable,
+    root: WorldTable,
     attributes: Mapping[str, GaussianAttribute | CategoricalAttribute],
     types: ObjectTypes,
     thresholds: LifeThresholds,
@@ -165,7 +166,7 @@ def _sensors(
     return found
 
 
-def _check_sensor(table: TomlTable, sensor: WorldSensor, thresholds: LifeThresholds) -> None:
+def _check_sensor(table: WorldTable, sensor: WorldSensor, thresholds: LifeThresholds) -> None:
     if sensor.false_alarm >= sensor.detects:
         message = (
             f"{sensor.false_alarm:g} is not below detects, {sensor.detects:g}: to be seen would speak against existence"
@@ -185,7 +186,7 @@ def _check_sensor(table: TomlTable, sensor: WorldSensor, thresholds: LifeThresho
             table.wrong("births" if "births" in table else "", message, f"create and delete below {most:.4g}")
 
 
-def _noise(sensor: TomlTable, attributes: Mapping[str, GaussianAttribute | CategoricalAttribute]) -> dict[str, Floats]:
+def _noise(sensor: WorldTable, attributes: Mapping[str, GaussianAttribute | CategoricalAttribute]) -> dict[str, Floats]:
     """Standard deviations, squared: of each axis, or one for all."""
     table = sensor.table("noise_sd")
     found: dict[str, Floats] = {}
@@ -203,7 +204,7 @@ def _noise(sensor: TomlTable, attributes: Mapping[str, GaussianAttribute | Categ
 
 
 def _confusion(
-    sensor: TomlTable,
+    sensor: WorldTable,
     attributes: Mapping[str, GaussianAttribute | CategoricalAttribute],
     types: ObjectTypes,
 ) -> dict[str, Confusion]:
@@ -229,7 +230,7 @@ def _confusion(
     return found
 
 
-def _view(table: TomlTable) -> Floats | None:
+def _view(table: WorldTable) -> Floats | None:
     corners = table.matrix("view_m", 2)
     if corners is not None and len(corners) < 3:
         table.wrong(
@@ -240,7 +241,7 @@ def _view(table: TomlTable) -> Floats | None:
 
 
 def _initial(
-    root: TomlTable,
+    root: WorldTable,
     attributes: Mapping[str, GaussianAttribute | CategoricalAttribute],
     types: ObjectTypes,
     thresholds: LifeThresholds,
@@ -264,7 +265,7 @@ def _initial(
 
 
 def read_beliefs(
-    table: TomlTable,
+    table: WorldTable,
     attributes: Mapping[str, GaussianAttribute | CategoricalAttribute],
     types: ObjectTypes,
 ) -> tuple[dict[str, tuple[Floats, Floats]], dict[str, Floats]]:
@@ -287,7 +288,7 @@ def read_beliefs(
     return gaussian, categorical
 
 
-def _gaussian_belief(table: TomlTable, attribute: GaussianAttribute) -> tuple[Floats, Floats]:
+def _gaussian_belief(table: WorldTable, attribute: GaussianAttribute) -> tuple[Floats, Floats]:
     """Mean (d,) and covariance (d, d); of rates that are not given the prior."""
     mean, covariance = attribute.prior_mean.copy(), attribute.prior_covariance.copy()
     given = table.numbers("mean")

@@ -13,7 +13,7 @@ def read_document(path: Path) -> tuple[bytes, str]:
 
     A little more than is allowed is read, so that a document that is too long is refused by its reader.
     """
-    from reasoning.monitoring.json_documents import LONGEST
+    from dyknow.documents.documents import LONGEST
 
     if str(path) == STANDARD_INPUT:
         return sys.stdin.buffer.read(LONGEST + 1), "standard input"

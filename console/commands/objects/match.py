@@ -32,5 +32,5 @@ def match(
     else:
         from console.output.drawings import situation_svg
 
-        call.out.plain("".join(f"{line}\n" for line in situation_svg(situation)))
+        call.out.plain(situation_svg(situation))
     return DONE

@@ -112,7 +112,7 @@ def _draw(call: Call, plan: "ConditionalPlan", kind: str) -> None:
     if kind == "svg":
         from console.output.drawings import plan_svg
 
-        call.out.plain("".join(f"{line}\n" for line in plan_svg(plan)))
+        call.out.plain(plan_svg(plan))
         return
     drawn = {"plan": lines, "tree": tree_lines, "dot": dot_lines}[kind](plan)
     call.out.plain("".join(f"{line}\n" for line in drawn), folds=True)

@@ -42,7 +42,7 @@ def read_lines(path: Path, read: "Callable[[Iterable[str], str], Read]", option:
 @contextmanager
 def opened(path: Path, option: str, what: str) -> Iterator[Iterator[str]]:
     """The lines of a file, one by one; raises WrongCall where it cannot be read: `option` named it, `what` says what it is."""
-    from reasoning.monitoring.json_lines import LIMIT_LINE
+    from dyknow.documents.json_lines import LIMIT_LINE
 
     def unreadable(error: OSError) -> WrongCall:
         return WrongCall(f"{option}: {path} cannot be read ({error.strerror}); {what}.")
@@ -64,8 +64,8 @@ def opened(path: Path, option: str, what: str) -> Iterator[Iterator[str]]:
 @contextmanager
 def recorded_lines(path: Path, option: str, what: str) -> Iterator[Iterator[bytes]]:
     """The lines of a file, or of standard input if that is called `-`, one by one; raises WrongCall as `opened`."""
+    from dyknow.documents.json_lines import LIMIT_LINE
     from proxies.files.piped_lines import limited_lines
-    from reasoning.monitoring.json_lines import LIMIT_LINE
 
     if str(path) == STANDARD_INPUT:
         yield limited_lines(sys.stdin.buffer, LIMIT_LINE)

@@ -1,4 +1,4 @@
-"""What a remembered event needs to become a part of an instance: the other events, when they may come, what breaks both.
+"""The needs of a remembered event to become a part of an instance: other events, their windows, the predicates that break both.
 
 All of it is worked out once for each node of a chronicle, as times from the event's own instant on.
 """
@@ -34,7 +34,7 @@ class Other(NamedTuple):
 
     Attributes:
         key: picks what of its key is known.
-        keys: its keys by what is known; None: the key is known whole.
+        keys: its keys by their known part; None: the key is known whole.
         own_limits, limits: predicates that it alone gives all variables to, or only both events together.
         first, last: between which it comes.
         awaited: the events besides both.

@@ -59,7 +59,7 @@ class Retention:
             ]
             for pattern in range(len(stores))
         ]
-        """By pattern: what an event of each node needs, and what an initial value does, which has no age."""
+        """By pattern: the needs of an event of each node, and of an initial value, which has no age."""
 
     def dooms(self, pattern: int) -> tuple[Doom, ...]:
         """The dooms of events of a pattern."""
@@ -155,7 +155,7 @@ class Retention:
         windows = None
         if needs.limits:
             windows = needs.windows(time_ms)
-            for count, key_of in needs.limits * 2:  # what one narrows, another may narrow further
+            for count, key_of in needs.limits * 2:  # a count narrowed by one limit may be narrowed further by another
                 bucket = self._stores[count.pattern].buckets.get(key_of(key))
                 if bucket is not None:
                     self._narrow(windows, count, bucket.times)
@@ -225,7 +225,7 @@ class Retention:
     def _broken(
         self, needs: EventNeeds, other: Other, mine: Key, theirs: Key
     ) -> list[tuple[CountNode, Sequence[int]]] | None:
-        """What predicates count that have all their variables from both events; None: no predicate has."""
+        """The counts of predicates with all their variables from both events; None: no predicate has."""
         if not other.own_limits and not other.limits:
             return None
         stores, found = self._stores, list[tuple[CountNode, Sequence[int]]]()

@@ -1,5 +1,6 @@
 """Other vehicles as traffic: heard, silent and growing, leaping, claiming too much room, forgotten."""
 
+import numpy as np
 import pytest
 
 from agents.places import Fix
@@ -12,7 +13,8 @@ from agents.separation.neighbours import (
     Neighbours,
 )
 from navigation.intents.intent import IntendedPlace, Intent, IntentEnding, IntentSource, RightOfWay
-from navigation.intents.path import STEPS, FlatOrigin
+from navigation.intents.meeting import MINIMA
+from navigation.intents.path import STEP_S, STEPS, FlatOrigin, resumed
 
 S = 1_000_000
 M = 1 / 111_320.0
@@ -53,6 +55,25 @@ def test_one_that_is_silent_flies_on_cannot_be_asked_and_grows_up_to_a_bound() -
     ((tube, _),) = one.tubes(ORIGIN, at(600), STEPS)
     assert tube[4].max() == 1.0 + GROWS_MOST_M
     assert tube[0, 0] == pytest.approx(1112.0, abs=5.0), "it stands where its legs end"
+
+
+@pytest.mark.parametrize("resumes_s", [3.0, 7.5, 14.0, 22.0])
+def test_one_that_falls_silent_while_it_makes_room_may_fly_its_own_way_again_at_any_time(resumes_s: float) -> None:
+    others = Neighbours()
+    others.take("1", said(0), at(0))
+    aside = IntendedPlace(*ORIGIN.degrees(5.0, 60.0), 60.0)
+    making_room = said(1, 5.0, source=IntentSource.MANOEUVRE, legs=(aside,))
+    others.take("1", making_room, at(1))
+    (one,) = others.airborne()
+    assert len(one.tubes(ORIGIN, at(2.9), STEPS)) == 1, "while it is heard it says itself when it flies on"
+    own_way = said(0).legs
+    for seconds in (4.0, 12.0, 20.0, 30.0):
+        now_s = 1.0 + seconds
+        flown = resumed(making_room, said(0), ORIGIN, resumes_s, 200)[:, round(seconds / STEP_S)]
+        assert own_way
+        tubes = [tube[:, 0] for tube, counts in one.tubes(ORIGIN, at(now_s), STEPS) if counts]
+        away_m = [np.hypot(tube[0] - flown[0], tube[1] - flown[1]) - tube[4] for tube in tubes]
+        assert min(away_m) < MINIMA.level_m, "somebody who keeps clear of all of them keeps clear of it"
 
 
 def test_one_that_is_heard_again_is_as_narrow_as_before() -> None:

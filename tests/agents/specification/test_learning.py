@@ -68,8 +68,8 @@ def test_what_was_learnt_is_kept_and_known_after_a_restart_and_a_second_one_has_
 @pytest.mark.parametrize(
     ("text", "cause"),
     [
-        ("[[known]]\nid = 3\n", "known.0.id: is a text, got 3"),
-        ('[[known]]\nid = "a"\nattributes.mass_kg = { mean = [nan], sd = 1.0 }\n', "is a list of"),
+        ("[[known]]\nid = 3\n", "known[0].id: a text is expected, got 3"),
+        ('[[known]]\nid = "a"\nattributes.mass_kg = { mean = [nan], sd = 1.0 }\n', "a list of"),
         ('[[known]]\nid = "a"\n[[known]]\nid = "a"\n', "there twice"),
         ("[classes.car]\nlasting = true\n", "[[known]] alone"),
         ("".join(f'[[known]]\nid = "k{n}"\n' for n in range(1001)), "at most 1000"),

@@ -208,17 +208,20 @@ def test_an_ontology_can_be_made_from_nothing() -> None:
 @pytest.mark.parametrize(
     ("text", "said"),
     [
-        ('[gas]\nsort = "gas"\nunit = nan\nmeaning = "m"', "the unit of gas is no text"),
-        ('[gas]\nsort = "gas"\nfields = { a = inf }\nmeaning = "m"', "the field a of gas has no unit"),
-        ('[gas]\nsort = "gas"\nfields = { a = { a = { a = "m" } } }\nmeaning = "m"', "the field a of gas has no unit"),
+        ('[gas]\nsort = "gas"\nunit = nan\nmeaning = "m"', "gas.unit: a text is expected, got NaN"),
+        ('[gas]\nsort = "gas"\nfields = { a = inf }\nmeaning = "m"', "gas.fields.a: a text is expected, got Infinity"),
+        (
+            '[gas]\nsort = "gas"\nfields = { a = { a = { a = "m" } } }\nmeaning = "m"',
+            'gas.fields.a: a text is expected, got {"a": {"a": "m"}}',
+        ),
         ("gas = " + "[" * 5000 + "]" * 5000, "nested too deep"),
         ('[gas]\nsort = "gas"\nunit = "ppm"\nmeaning = "gas \\u001b[2J"', "characters that are not shown"),
         ('[gas]\nsort = "gas"\nunit = "ppm"\nmeaning = "gas \\u202e"', "characters that are not shown"),
         ('["gas\\u0007"]\nsort = "gas"\nunit = "ppm"\nmeaning = "m"', "is no semantic label"),
-        ('[gas]\nsort = "gas"\nunit = "ppm"\nmeaning = "m"\n[gas]\n', "not TOML"),
+        ('[gas]\nsort = "gas"\nunit = "ppm"\nmeaning = "m"\n[gas]\n', "no TOML"),
         (f'[gas]\nsort = "gas"\nunit = "ppm"\nmeaning = "{"m" * 201}"', "the meaning has 201 characters"),
-        ("# " + "a" * 200_000, "an ontology has at most"),
-        ('gas = "gas"', "gas is no label"),
+        ("# " + "a" * 200_000, "at most 131072 are read"),
+        ('gas = "gas"', 'gas: a table is expected, got "gas"'),
         ('[battery]\nsort = "charge"\nunit = "percent"\nmeaning = "what is left"', "already (built in)"),
         (
             '[gas]\nsort = "charge"\nunit = "ppm"\nmeaning = "m"',

@@ -79,8 +79,8 @@ def test_where_the_search_is_given_up_the_plan_has_fewer_looks_and_says_so() -> 
     [
         ({"unseen": 0.6, "false": 0.5}, "unseen and false together are below 1"),
         ({"unseen": -0.1}, "errors.unseen: a number from 0 to 1 is expected"),
-        ({"looks": 2.5}, "errors.looks: a whole number is expected"),
-        ({"looks": 100}, "errors.looks: a number from 1 to 20 is expected"),
+        ({"looks": 2.5}, "errors.looks: a whole number from 1 to 20 is expected"),
+        ({"looks": 100}, "errors.looks: a whole number from 1 to 20 is expected"),
         ({"sure": 0.1}, "errors.sure: a number from 0.5 to 1 is expected"),
         (3, "errors: an object is expected"),
     ],

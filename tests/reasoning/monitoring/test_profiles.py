@@ -155,14 +155,22 @@ def test_a_person_can_define_a_profile():
     [
         ('sample = "200ms"\n', "", "sample is missing"),
         ('sample = "200ms"', 'sample = "soon"', "not a duration"),
-        ("close_after = 3", "close_after = 0", "close_after is 0"),
-        ('no_value = "skip"', 'no_value = "maybe"', "no_value is 'maybe'"),
-        ("close_after = 3", "colour = 3", "there is no colour"),
-        ("margin = 10", "margin = [10]", "threshold margin"),
-        ("[[58.40, 15.60], [58.41, 15.60], [58.41, 15.62], [58.40, 15.62]]", "[[1, 2], [3, 4]]", "three corners"),
+        ("close_after = 3", "close_after = 0", "close_after: a whole number from 1 to 1000000 is expected, got 0"),
+        ('no_value = "skip"', 'no_value = "maybe"', "no_value: one of"),
+        ("close_after = 3", "colour = 3", "colour: unknown key"),
+        ("margin = 10", "margin = [10]", "thresholds.margin: a number or a time"),
+        (
+            "[[58.40, 15.60], [58.41, 15.60], [58.41, 15.62], [58.40, 15.62]]",
+            "[[1, 2], [3, 4]]",
+            "three corners are expected, got 2",
+        ),
         ("[[58.40, 15.60], [58.41, 15.60], [58.41, 15.62], [58.40, 15.62]]", "[1, 2, 3]", "list of corners"),
         ("[field]", "[field", "no TOML"),
-        ("close_after = 3", 'vertical = "depth"', "vertical is 'depth'"),
+        (
+            "close_after = 3",
+            'vertical = "depth"',
+            'vertical: one of heli-altitude, heli-height is expected, got "depth"',
+        ),
     ],
 )
 def test_a_profile_that_is_wrong_says_where(old, new, message):

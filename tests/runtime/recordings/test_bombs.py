@@ -20,6 +20,7 @@ import zstandard
 
 from anchoring.belief.files.models import read_world_model
 from anchoring.roads.files.formats import survey_any
+from dyknow.documents.documents import json_document
 from dyknow.model.errors import DyknowError, SourceText, WrongCall
 from federation.security.trust import Roster
 from federation.sharing.ontology import default_ontology
@@ -32,7 +33,6 @@ from proxies.recordings.formats import open_recording
 from proxies.recordings.journal_file import ABOUT, read_about, read_journal
 from proxies.recordings.mcap_records import MAGIC
 from proxies.recordings.sample_file import read_feed
-from reasoning.monitoring.json_documents import JsonDocument
 from reasoning.monitoring.profiles import parse_profiles
 from runtime.configuration.areas import corners_of
 from runtime.configuration.ontologies import read_ontology
@@ -210,7 +210,7 @@ READERS: dict[str, tuple[str, dict[str, Bomb], Callable[[Path], object]]] = {
     "tlog": (".tlog", TLOGS, open_recording),
     "area": (".geojson", TREES, lambda path: corners_of(str(path))),
     "roads": (".geojson", TREES | ROADS, lambda path: survey_any(read_bytes(path, "--roads")).required(str(path))),
-    "document": (".json", TREES, lambda path: JsonDocument(path.read_bytes(), str(path), "{}")),
+    "document": (".json", TREES, lambda path: json_document(path.read_bytes(), str(path), "{}")),
     "feed": (".jsonl", TREES, lambda path: read_feed(_decoded(path).splitlines(), str(path))),
     "settings": (".toml", TABLES, lambda path: read_model(path, FederationFile)),
     "roster": (".toml", TABLES, lambda path: Roster.parse(_decoded(path))),

@@ -161,10 +161,10 @@ WRONG = [
     ('class = "cup"', 'class = "mug"', "there is no class mug"),
     ('attribute = "size_cm"', 'attribute = "weight_g"', "no such attribute"),
     ("low = 3.0", "low = 30.0", "low is below high"),
-    ('action = "repair"', 'action = "forgive"', "is none of repair, refuse"),
+    ('action = "repair"', 'action = "forgive"', "one of repair, refuse is expected"),
     ("high = 15.0", "high = 10.0", "cup-of-anna contradicts the rule cups-are-small"),
     ('name = "cups-are-small"', 'name = "cups-are-small"\nwhen = 3', "unknown key"),
-    ('is_a = "vessel"\nlasting', 'lasting = 1\nis_a = "vessel"\nlast', "is true or false"),
+    ('is_a = "vessel"\nlasting', 'lasting = 1\nis_a = "vessel"\nlast', "true or false is expected"),
 ]  # fmt: skip
 
 

@@ -121,7 +121,7 @@ def test_what_is_missing_or_mixes_both_frames_is_refused_with_its_place(
 
 @pytest.mark.parametrize("key", ["latitude_deg = 47.4", "longitude_deg = 8.5"])
 def test_an_origin_has_both_degrees(key: str) -> None:
-    with pytest.raises(TextErrors, match=r"origin\.l\w+_deg: is missing"):
+    with pytest.raises(TextErrors, match=r"origin: l\w+_deg is missing"):
         read_world_model(FLAT.replace(key + "\n", "", 1))
     with pytest.raises(TextErrors, match="unknown key"):
         read_world_model(FLAT.replace("altitude_m = 430.0", "hight_m = 430.0"))

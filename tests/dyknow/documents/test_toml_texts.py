@@ -5,7 +5,7 @@ from itertools import product
 
 import pytest
 
-from dyknow.model.toml_texts import MOST_DIGITS, tables_of
+from dyknow.documents.toml_texts import MOST_DIGITS, tables_of
 
 DIGITS = "7" * MOST_DIGITS
 NUMBERS = [
