@@ -18,6 +18,8 @@ from sim_uavs.dynamics.settings import FENCE_AREAS, FENCE_HIGHEST, FENCE_RADIUS
 _FRAME = LocalFrame(*ORIGIN)
 _OUR_STATION, _OTHER_STATION = 254.0, 255.0
 _TRIES = 20
+HOVERS_ASIDE_M = 20.0
+"""One that hovers cannot get out of the way of another one within a fence of less than that around it."""
 ROOM_M = 35.0
 """So much room is left on one side of a way, between areas that do not hem the vehicle in."""
 
@@ -36,6 +38,8 @@ def bounded(random: Random, drawn: DrawnVehicle) -> DrawnVehicle:
         far_m = max(place.minus(drawn.way.start).horizontal for place in way.places)
         _switch_on(random, drawn, FENCE_RADIUS)
         settings.fence_radius_m = far_m + random.uniform(5.0, 60.0)
+        if way.kind == ways.HOVER and settings.fence_radius_m < HOVERS_ASIDE_M:
+            return drawn._replace(is_hemmed=True)
     elif bound < 0.28:
         ceiling_m = min(FlightLimits().ceiling_m, way.highest_m + random.uniform(1.0, 15.0))
         return drawn._replace(flight_limits=FlightLimits(ceiling_m=ceiling_m))

@@ -4,7 +4,8 @@ short one. The layout is that of the ULog format, version 1: `size: uint16, type
 Time: rows carry microseconds since boot; the first satellite fix with a UTC ties them to it (none: since 1970).
 pyulog, the reference parser, is used by the tests only: it reads a whole log before its first row and keeps all of them (0.7 s of
 processor and 41 MB of memory for a log of 44 MB, where the first report comes within 2 ms and nothing is kept), loses the order of
-rows among topics, and says that a log is damaged, but not where. Older logs give coordinates in 1e-7 degrees and millimetres, newer ones in degrees and metres: the field names tell.
+rows among topics, and says that a log is damaged, but not where. Older logs give coordinates in 1e-7 degrees and
+millimetres, newer ones in degrees and metres: the field names tell.
 """
 
 import math

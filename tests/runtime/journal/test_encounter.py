@@ -37,7 +37,9 @@ def replayed():
 def test_the_journal_holds_what_is_worth_comparing(recorded):
     assert len(recorded["samples"]) > 400
     assert len(recorded["acts"]) >= 15
-    assert [order for _, _, order, *_ in recorded["commands"]] == ["goto"] * 3, "its route, the manoeuvre, its route"
+    assert [order for _, _, order, *_ in recorded["commands"]] == ["goto"] * 3 + ["hold"], (
+        "its route, the manoeuvre, its route, the end of it"
+    )
     assert [record["monitor"] for _, record in recorded["told"] if record["event"] == "alarm-opened"] == ["apart"]
     assert sum("(avoid units: " in (effect[4] or "") for effect in recorded["acts"]) >= 1
 
