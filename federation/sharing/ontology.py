@@ -141,7 +141,7 @@ def _label(name: str, root: DocumentTable, place: str) -> SemanticLabel | None:
     if root.document.noted == noted:
         sort, meaning = table.text("sort", None), table.text("meaning", None)
         unit, fields = table.text("unit", ""), table.table("fields")
-        parts = tuple(Field(field, fields.text(field, None)) for field in fields.entries)
+        parts = tuple(Field(field, _unit_of(fields, field)) for field in fields.entries)
         if bool(unit) == ("fields" in table):
             message = "has both unit and fields" if unit else "has neither unit nor fields"
             table.wrong("unit" if unit else "", message, 'unit = "ppm", or fields = { north_m_s = "m/s" }')
@@ -155,3 +155,8 @@ def _label(name: str, root: DocumentTable, place: str) -> SemanticLabel | None:
     for message, repair in errors:
         table.wrong("", message, repair)
     return None if errors else label
+
+
+def _unit_of(fields: DocumentTable, field: str) -> str:
+    """The unit of a field; empty for a number without one."""
+    return "" if fields.get(field) == "" else fields.text(field, None)

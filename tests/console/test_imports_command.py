@@ -50,7 +50,8 @@ def test_every_stream_is_listed_where_it_comes_in_with_what_became_of_its_sample
         and (each["lost"], each["missing"], each["every"]) == (0, 0, 1)
         for each in shown
     )
-    assert {(each["unit"], each["of"]) for each in shown if each["recovered"]} == {(0, 1)}
+    found = {(each["unit"], each["of"]) for each in shown if each["recovered"] and each["label"] != "intent"}
+    assert found == {(0, 1)}, "the first intent of a unit may be on its way before its stream is expected"
     assert imports(call, unit="2") == DONE
     assert {each["unit"] for each in lines()} == {2}
 
