@@ -24,9 +24,6 @@ PeerChange: TypeAlias = DirectoryEvent | ClockCompared
 class Timed(Protocol):
     """What has work at a time: a part, or something in it that has a deadline of its own."""
 
-    def __init__(self, _ports: object, _parts: object) -> None:
-        """Build it of an `agents.ports.Ports` and the other parts, an `agents.ports.PartRegistry`."""
-
     @property
     def deadline_us(self) -> int | None:
         """When it has work next, or a little earlier (node clock); 0 for at once."""
@@ -58,6 +55,9 @@ class Part:
     vital: ClassVar[bool] = False
     heeds_samples: ClassVar[bool] = False
     keeps_acts: ClassVar[bool] = False
+
+    def __init__(self, _ports: object, _parts: object) -> None:
+        """Build it of an `agents.ports.Ports` and the other parts, an `agents.ports.PartRegistry`."""
 
     @property
     def deadline_us(self) -> int | None:
