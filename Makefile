@@ -14,7 +14,7 @@ demo: $(READY)
 test: $(READY)
 	$(MAKE) --no-print-directory -j 2 lint collected
 	$(BIN)/pytest -m "not full" --ignore=tests/live -n 3 --dist worksteal
-	$(BIN)/pytest -m "not full" tests/live -n 5 --dist loadfile --no-loadscope-reorder
+	$(BIN)/pytest -m "not full" tests/live -n 4 --dist loadfile --no-loadscope-reorder
 
 test-full: $(READY) lint
 	DYKNOW_FULL=1 $(BIN)/pytest --timeout=3600 --ignore=tests/live -n 2 --dist worksteal

@@ -170,6 +170,8 @@ def test_crashes_and_freezes_are_seen_by_all_and_cost_the_others_no_sample(fleet
     units = list(fleet.nodes)
     crashed, frozen = units[-1], units[-2]
     staying = [unit for unit in units if unit not in {crashed, frozen}]
+    streams = LABELS * len(staying) * (len(units) - 1)
+    assert fleet.wait(lambda: len(fleet.imports(staying)) >= streams, 20.0), "a unit that was frozen before is back"
     before, began_us = fleet.imports(staying), fleet.now_us()
     assert fleet.ls() == dict.fromkeys(units, "alive")
 
