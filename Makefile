@@ -5,13 +5,13 @@ READY := $(VENV)/.ready
 
 .PHONY: demo test test-full lint style types layers collected bench docs clean
 
-# Rows of the bench keep all processors busy: platforms of other live tests would time out next to them.
 # The tests start hundreds of processes: compiled modules are kept, whatever the shell says.
 unexport PYTHONDONTWRITEBYTECODE
 
 demo: $(READY)
 	$(BIN)/dyknow demo
 
+# Rows of the bench keep all processors busy: platforms of other live tests would time out next to them.
 test: $(READY)
 	$(MAKE) --no-print-directory -j 2 lint collected
 	$(BIN)/pytest -m "not full" --ignore=tests/live -n 3 --dist worksteal

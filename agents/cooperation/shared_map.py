@@ -17,7 +17,7 @@ _LIVES = 1000
 
 
 class SharedMap(Part):
-    """Its streams under their labels, the subscription to its source, the streams of other platforms, what is hidden from whom.
+    """The base of such a map: it has the labels, subscribes to the sources here and on other platforms, and checks receivers.
 
     Attributes:
         own: the label whose samples on this platform are taken.
@@ -87,7 +87,7 @@ class SharedMap(Part):
         end_us: int,
         now_us: int,
     ) -> None:
-        """The map as a stream: values and valid times by name, and at `end_us` that what was on it is so no longer."""
+        """Push the map as a stream: a value and its valid time by name; names that are gone end at `end_us`."""
         label = self._labels[self.shown]
         if not self._network.has(label) or not self._network.generator(label).subscriptions:
             return

@@ -33,6 +33,8 @@ CONTRADICTIONS: Final = 3
 """Looks running in which positions contradict an intent, or come without one, before they stand for it: one may be an outlier."""
 RESUMES_S: Final = tuple(float(after_s) for after_s in range(0, 33, 4))
 """When a vehicle that is silent since a manoeuvre may fly its own way again, after that was published: each is kept away from."""
+RESUMED_STEPS: Final = 400
+"""Such a way is flown ahead for 200 s; after that the vehicle is taken to stand there, as wide as it has grown."""
 APART_M, APART_UP_M, MOVES_M_S, ASTRAY_M_S = 25.0, 12.0, 3.0, 6.0
 """How far apart position and intent of one moment may be, and how much more for each second between them."""
 """One that has leapt is traffic where it was last until it has been credible for so long."""
@@ -128,7 +130,8 @@ class Neighbour:
         """A manoeuvre ends at an unknown time, and the vehicle flies its own way again."""
         own_way, age_s = self.own_way, self.age_s(now_us)
         if not self._resumed and own_way is not None:
-            self._resumed = [resumed(self.intent, own_way, origin, after_s, needed) for after_s in RESUMES_S]
+            steps_ahead = min(needed, RESUMED_STEPS)
+            self._resumed = [resumed(self.intent, own_way, origin, after_s, steps_ahead) for after_s in RESUMES_S]
         found = [later(tube, age_s, steps) for tube in self._resumed]
         for tube in found:
             _grow(tube, (now_us - self.heard_us - SILENT_US) / 1e6)
