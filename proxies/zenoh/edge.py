@@ -103,7 +103,7 @@ class ZenohEdge:
         """
         if self._options.roster is not None and self._options.security is not None:
             own = Path(self._options.security["transport"]["link"]["tls"]["listen_certificate"])
-            self._gate = LinkGate(self._options.roster, own, self._linked, self._post, self._now_us)
+            self._gate = LinkGate(self._options.roster, own, self._linked, self._peers, self._post, self._now_us)
         try:
             self._take(zenoh.open(zenoh.Config.from_json5(self._config)))
         except zenoh.ZError as failed:
@@ -113,6 +113,13 @@ class ZenohEdge:
         session = self._session
         try:
             return [] if session is None else list(session.info.links())
+        except zenoh.ZError:  # it is being closed
+            return []
+
+    def _peers(self) -> list[str]:
+        session = self._session
+        try:
+            return [] if session is None else list(map(str, session.info.peers_zid()))
         except zenoh.ZError:  # it is being closed
             return []
 
@@ -127,6 +134,8 @@ class ZenohEdge:
     def perform(self, effect: wire.WireEffect) -> None:
         """Carry out one effect. A refusal of Zenoh is posted as `HandlerFailed`: a node outlives its session."""
         try:
+            if self._gate is not None:
+                self._gate.wait()
             if self._exchange is None or self._is_exchanged(self._exchange):
                 self._performers[type(effect)](effect)
             else:
@@ -295,7 +304,7 @@ class ZenohEdge:
     def _on_transport(self, event: zenoh.TransportEvent) -> None:
         """Called before Zenoh routes to the peer: until a peer has said what it listens to, all that is put goes there."""
         if event.kind == zenoh.SampleKind.PUT and self._gate is not None:
-            self._gate.look()
+            self._gate.on_transport(str(event.transport.zid))
 
     def _on_link(self, event: zenoh.LinkEvent) -> None:
         if event.kind == zenoh.SampleKind.PUT:

@@ -6,6 +6,9 @@ oldest of more links with one certificate than a member may have, or it would ta
 link is linked again at once, though the dead one is listed still.
 The gate looks when a transport is made, and Zenoh waits for it before it sends anything but the handshake. It looks twice a
 second besides, for links that were there when the roster changed.
+
+Of a peer that dials again while its last transport ends Zenoh tells the link alone, when it routes to it already. So nothing is put
+until such an end is over, which takes 2 ms; those who dial without end may delay what is put, by half of the time, not hold it up.
 """
 
 import contextlib
@@ -13,6 +16,7 @@ import os
 import socket
 import stat
 import threading
+import time
 from collections.abc import Callable, Iterable
 from ipaddress import ip_address
 from pathlib import Path
@@ -34,6 +38,8 @@ handshake costs more than a link that is quiet. While places are scarce all are 
 RESERVED = 64
 """Places that are left when they are scarce."""
 _CHUNK = 65_536
+_STEP_S, _WAITS_S = 0.0005, 0.1
+"""How often one put looks for the ends of transports that may not stay, and for how long it waits."""
 _AHEAD_US = 86_400_000_000
 
 
@@ -44,6 +50,7 @@ class LinkGate:
         path: of the roster.
         certificate: our own.
         links: lists the present links; called from a thread of the gate.
+        sessions: lists the sessions that there are transports to.
         post: takes what became of links and of the file.
         now_us: the node clock.
     """
@@ -53,10 +60,11 @@ class LinkGate:
         path: Path,
         certificate: Path,
         links: Callable[[], Iterable[Any]],
+        sessions: Callable[[], Iterable[str]],
         post: Post,
         now_us: Callable[[], int],
     ) -> None:
-        self._path, self._links, self._post, self._now_us = path, links, post, now_us
+        self._path, self._links, self._sessions, self._post, self._now_us = path, links, sessions, post, now_us
         self._stamp = self._stamped()
         self.roster = Roster.parse(path.read_text("utf-8"))
         self._admitted = self.roster.admitted
@@ -65,6 +73,8 @@ class LinkGate:
         self._closed: set[Ends] = set()
         _, ends_us = named_until(certificate.read_bytes())
         self._ends_us: int | None = ends_us
+        self._ending: dict[str, int] = {}
+        self._may_wait = _WAITS_S, time.monotonic()
         self._ended = threading.Event()
         self._thread = threading.Thread(target=self._watch, name="roster", daemon=True)
         self._thread.start()
@@ -73,8 +83,36 @@ class LinkGate:
         self._ended.set()
         self._thread.join()
 
-    def look(self) -> None:
-        """Close every link that there is and that may not stay."""
+    def on_transport(self, zid: str) -> None:
+        """A transport to that session is made: close it at once if it may not stay."""
+        if zid in self.look():
+            with self._lock:
+                self._ending[zid] = self._ending.get(zid, 0) + 1
+
+    def wait(self) -> None:
+        """Wait until the transports that may not stay have ended, for half of the time at most."""
+        if not self._ending:
+            return
+        begun_s = time.monotonic()
+        left_s, at_s = self._may_wait
+        left_s = min(_WAITS_S, left_s + (begun_s - at_s) / 2)
+        while not self._have_ended() and time.monotonic() - begun_s < left_s:
+            time.sleep(_STEP_S)
+        ended_s = time.monotonic()
+        self._may_wait = max(0.0, left_s - (ended_s - begun_s)), ended_s
+
+    def _have_ended(self) -> bool:
+        """Whether no transport is left that may not stay."""
+        before = self._ending.copy()
+        there = set(self._sessions())
+        with self._lock:
+            for zid, dialled in before.items():
+                if zid not in there and self._ending.get(zid) == dialled:  # else it was made again meanwhile
+                    del self._ending[zid]
+        return not self._ending
+
+    def look(self) -> set[str]:
+        """Close every link that there is and that may not stay; the sessions that they went to."""
         links = list(self._links())
         there = {_ends(link) for link in links}
         with self._lock:
@@ -83,25 +121,24 @@ class LinkGate:
                 self._of_one[name] = {ends: None for ends in of_one if ends in there}
                 if not self._of_one[name]:
                     del self._of_one[name]
-        for link in links:
-            self.on_link(link)
+        return {str(link.zid) for link in links if not self.on_link(link)}
 
-    def on_link(self, link: Any) -> None:
-        """A link is there; it stays while its certificate is admitted, and it is not the oldest of too many."""
+    def on_link(self, link: Any) -> bool:
+        """A link is there; whether it stays: while its certificate is admitted, and it is not the oldest of too many."""
         name, ends = str(link.auth_identifier), _ends(link)
         member = self._admitted.get(link.auth_identifier)
         if member is None:
             if _shut(*map(_address, ends)):
                 self._post(LinkClosed(name, self._now_us()))
-            return
+            return False
         with self._lock:
             if ends not in self._closed:  # else Zenoh has not noticed yet
                 self._of_one.setdefault(name, {})[ends] = None
             is_full = sum(map(len, self._of_one.values())) > SESSIONS - RESERVED
-        if not is_full:
-            return
-        for each in list(self._of_one):  # whichever member takes the place of the one that is linked now
-            self._close_surplus(each, MOST_OF_ONE)
+        if is_full:
+            for each in list(self._of_one):  # whichever member takes the place of the one that is linked now
+                self._close_surplus(each, MOST_OF_ONE)
+        return True
 
     def _close_surplus(self, name: str, most: int) -> None:
         """Close the oldest of too many links with one certificate, at most `most` now."""
@@ -124,6 +161,7 @@ class LinkGate:
                     self._post(CertificateEnds(self._ends_us, self._now_us()))
                     self._ends_us = None
                 self.look()
+                self._have_ended()
                 for name in list(self._of_one):
                     self._close_surplus(name, CLOSED_AT_ONCE)
             except Exception as failed:  # noqa: BLE001  (contained: the gate looks again)

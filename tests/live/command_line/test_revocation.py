@@ -49,13 +49,15 @@ class Holder:
         for name in ("access_control", "low_pass_filter"):
             security.pop(name, None)
         security["transport"]["link"]["tls"].update(files)
-        self.heard: list[float] = []
+        self.heard: list[tuple[float, str]] = []
         self.steps: dict[str, list[tuple[int, int]]] = defaultdict(list)
         self.dialled = 0
         config = zenoh_config(options, lambda _: "127.0.0.1")
         config["connect"]["retry"] = {"period_init_ms": REDIAL_MS, "period_max_ms": REDIAL_MS}
         self.session = zenoh.open(zenoh.Config.from_json5(json.dumps(config)))
-        self._all = self.session.declare_subscriber("**", lambda _: self.heard.append(time.monotonic()))
+        self._all = self.session.declare_subscriber(
+            "**", lambda sample: self.heard.append((time.monotonic(), str(sample.key_expr)))
+        )
         self._streams = self.session.declare_subscriber("x/**", self._take)
         self._listener = self.session.info.declare_link_events_listener(self._on_link, history=True)
 
@@ -68,10 +70,12 @@ class Holder:
 
     @property
     def links(self) -> int:
+        """How many sessions it is linked with: both UAVs, and maybe other holders, of which it hears by gossip."""
         return len(list(self.session.info.peers_zid()))
 
-    def heard_since(self, instant_s: float) -> int:
-        return sum(each > instant_s for each in self.heard)
+    def heard_since(self, instant_s: float) -> list[tuple[float, str]]:
+        """What came later than that, each with how much later."""
+        return [(at_s - instant_s, key) for at_s, key in self.heard if at_s > instant_s]
 
     def lost(self) -> int:
         """How many samples are missing among those that came."""
@@ -102,11 +106,11 @@ def secured(dyknow: Dyknow, tmp_path: Path) -> Iterator[tuple[Dyknow, Path, Call
         each.session.close()
 
 
-def until(holds: Callable[[], bool], within_s: float = PATIENCE_S) -> float:
-    """Wait until it holds; how long that took."""
+def until(holds: Callable[[], bool], within_s: float = PATIENCE_S, seen: Callable[[], object] = str) -> float:
+    """Wait until it holds; how long that took. When it does not, the error says what is seen instead."""
     begun = time.monotonic()
     while not holds():
-        assert time.monotonic() - begun < within_s
+        assert time.monotonic() - begun < within_s, seen()
         time.sleep(0.01)
     return time.monotonic() - begun
 
@@ -123,7 +127,7 @@ def test_a_revoked_certificate_hears_nothing_after_5_s_however_often_it_dials_an
     dyknow, folder, holder = secured
     old = shutil.copytree(folder, tmp_path / "old")
     watcher, revoked = holder("cc"), holder("3", old)
-    until(lambda: revoked.links == 2 and len(revoked.heard) > 50 and len(watcher.heard) > 50)
+    until(lambda: revoked.links >= 2 and len(revoked.heard) > 50 and len(watcher.heard) > 50)
     dyknow.run("roster", "revoke", "3")
     at = time.monotonic()
     follow(watcher, 300)
@@ -131,10 +135,10 @@ def test_a_revoked_certificate_hears_nothing_after_5_s_however_often_it_dials_an
     assert {(each["unit"], each["state"]) for each in dyknow.run("ls")} == {(0, "alive"), (1, "alive")}
     dialled = revoked.dialled
     until(lambda: revoked.dialled >= dialled + REDIALS, REDIALS + PATIENCE_S)
-    assert revoked.heard_since(at + WITHIN_S) == 0
+    assert revoked.heard_since(at + WITHIN_S) == []
     dyknow.run("roster", "add", "3")
     back = holder("3")
-    until(lambda: back.links == 2 and len(back.heard) > 50)
+    until(lambda: back.links >= 2 and len(back.heard) > 50, seen=lambda: (back.links, back.dialled, len(back.heard)))
     again = holder("3", old)
     until(lambda: again.dialled >= REDIALS, REDIALS + PATIENCE_S)
     assert again.heard == []
@@ -162,11 +166,11 @@ def test_a_certificate_that_expires_while_connected_is_out_within_5_s(
     short.write_bytes(platform_certificate("3", (pki / "3.key").read_bytes(), *authority, now_us, days=6.0 / 86_400))
     watcher = holder("cc")
     expiring = holder("3", listen_certificate=str(short), connect_certificate=str(short))
-    until(lambda: expiring.links == 2 and len(expiring.heard) > 50)
+    until(lambda: expiring.links >= 2 and len(expiring.heard) > 50)
     until(lambda: time.time() > ends_s + WITHIN_S)
     begun = time.monotonic()
     follow(watcher, 100)
-    assert expiring.heard_since(begun) == 0
+    assert expiring.heard_since(begun) == []
     assert watcher.lost() == 0
 
 

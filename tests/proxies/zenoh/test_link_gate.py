@@ -8,7 +8,7 @@ from dataclasses import replace
 from pathlib import Path
 from random import Random
 from types import SimpleNamespace
-from typing import Any
+from typing import Any, NamedTuple
 
 import pytest
 
@@ -40,7 +40,7 @@ def gate(tmp_path: Path, ends_days: float) -> Iterator[Callable[..., "queue.Queu
 
     def watching(links: Callable[[], Any] = list) -> "queue.Queue[Any]":
         posted: queue.Queue[Any] = queue.Queue()
-        opened.append(LinkGate(tmp_path / "roster.toml", certificate, links, posted.put, lambda: NOW_US))
+        opened.append(LinkGate(tmp_path / "roster.toml", certificate, links, list, posted.put, lambda: NOW_US))
         return posted
 
     yield watching
@@ -196,3 +196,63 @@ def test_while_places_are_scarce_all_surplus_is_closed_at_the_next_link_whatever
     for _ in range(random.randrange(1, 6)):
         made[0].on_link(linked.add("3"))
     assert {*linked.open()} >= {*of_others}
+
+
+class Denied(NamedTuple):
+    """A link whose certificate no roster has; there is no socket of these ends."""
+
+    zid: str
+    src: str = "tls/127.0.0.1:1"
+    dst: str = "tls/127.0.0.1:2"
+    auth_identifier: str = "stranger"
+
+
+@pytest.mark.parametrize("seed", range(20))
+def test_a_put_waits_for_the_ends_of_denied_transports_and_never_longer_than_half_of_the_time(
+    tmp_path: Path, monkeypatch: pytest.MonkeyPatch, seed: int
+) -> None:
+    """Drawn: sessions dial and end, or stay; time passes where a put sleeps."""
+    rng, now_s = Random(seed), 0.0
+    ends_s: dict[str, float] = {}
+
+    def sleep(for_s: float) -> None:
+        nonlocal now_s
+        now_s += for_s
+
+    def there() -> list[str]:
+        return [zid for zid, end_s in ends_s.items() if end_s > now_s]
+
+    monkeypatch.setattr(link_gate.threading.Thread, "start", lambda _: None)
+    monkeypatch.setattr(link_gate.threading.Thread, "join", lambda _: None)
+    monkeypatch.setattr(link_gate, "time", SimpleNamespace(monotonic=lambda: now_s, sleep=sleep))
+    authority = authority_certificate(tls_key(b"a" * 48), "test", NOW_US)
+    certificate = tmp_path / "certificate.pem"
+    certificate.write_bytes(
+        platform_certificate("0", tls_key(b"b" * 48), tls_key(b"a" * 48), authority, NOW_US, days=365)
+    )
+    (tmp_path / "roster.toml").write_text(str(ROSTER))
+    gate = LinkGate(
+        tmp_path / "roster.toml",
+        certificate,
+        lambda: [Denied(zid) for zid in there()],
+        there,
+        lambda _: None,
+        lambda: 0,
+    )
+    waited_s = 0.0
+    for _ in range(300):
+        now_s += rng.expovariate(100)
+        if rng.random() < 0.5:
+            zid = str(rng.randrange(5))
+            ends_s[zid] = now_s + rng.choice([0.002, 0.01, 0.15])
+            gate.on_transport(zid)
+        begun_s, (left_s, at_s) = now_s, gate._may_wait
+        left_s = min(0.1, left_s + (begun_s - at_s) / 2)
+        gate.wait()
+        waited_s += now_s - begun_s
+        assert now_s - begun_s <= left_s + 0.001
+        assert not there() or now_s - begun_s >= left_s
+    assert 0.0 < waited_s <= 0.1 + now_s / 2 + 300 * 0.0005
+    now_s += 1.0
+    gate._have_ended()
+    assert not gate._ending
