@@ -1,9 +1,9 @@
-"""What a part raises ends that act, answer, sample or step, never the process: counted, noted once, shown as impaired.
+"""Containment of errors: an exception in a part ends its act, answer, sample or step, never the process.
 
-A part whose step by time raises is left out for a second, a stream whose consumer raises, too; after three times within a
-minute each is out, and tried again each minute. Parts without which vehicles are not kept apart, or the platform is deaf, are
-`vital`: they are left out for a tenth of a second only, however often they raise. No part is rebuilt: it continues
-with the state it has. What has not failed for a little more than a minute is no longer impaired, which is noted.
+It is counted, noted once and shown as impaired. A part whose step by time raises is left out for a second, a stream
+whose consumer raises, too; after three times within a minute each is out, and retried each minute. Parts that keep
+vehicles apart or receive acts are `vital`: they are left out for a tenth of a second only, however often they raise.
+No part is rebuilt: it continues with its state. A place without a failure for 65 s is no longer impaired, which is noted.
 
 Three failures within a minute over acts of one member, and its acts are refused for a minute. Only what it signed
 counts, never at a place that fails over others, too, and a command centre is always heard. Times are the node clock.
@@ -31,7 +31,7 @@ DEAF_US: Final = 60_000_000
 QUIET_US: Final = RETRY_US + 5_000_000
 """How long after its last failure a place is impaired: it has been tried again by then."""
 OFFER_US: Final = 1_000_000
-"""What is shown changes at most so often."""
+"""Least time between announcements of changed conditions."""
 MOST: Final = 64
 """Places that are remembered, and members."""
 _SHOWN, _MAX_TEXT = 5, 160
@@ -64,14 +64,14 @@ class Containment:
     Args:
         note: takes words for users.
         now_us: the time of the present step.
-        cause: the unit that sent what is being looked at; empty: it was none.
+        cause: the unit whose message is being processed; empty: none.
         may_silence: whether acts of that unit are signed, and may be refused.
-        is_on: False: what is raised is not caught, as tests want it.
+        is_on: False: exceptions are not caught, as tests want it.
 
     Attributes:
         failures: how often a place raised.
         senders: how often that was over what a member sent.
-        impaired: what is shown, by place.
+        impaired: the impairments that are shown, by place.
         owner_of: the member behind a unit, which is refused under all its names.
         is_news: whether anything was caught; `Platform.settle` resets it.
     """
@@ -125,7 +125,7 @@ class Containment:
         return found
 
     def call(self, do: Callable[..., T], *given: Any, otherwise: T) -> T:
-        """What `do` returns, or `otherwise` if it raises."""
+        """Return the result of `do`, or `otherwise` if it raises."""
         try:
             return do(*given)
         except Exception as error:  # noqa: BLE001  (contained)
@@ -150,7 +150,7 @@ class Containment:
             return None
 
     def stream_out_us(self, do: Callable[..., object], label: str, error: Exception) -> int:
-        """What takes or makes samples of a stream raised: for how long it is left out."""
+        """Note that a consumer or producer of a stream raised; returns for how long it is left out."""
         where = f"{place_of(do)} of {label}"
         return self._weigh(where, self.caught(where, error))
 
@@ -235,7 +235,7 @@ class Containment:
         return tuple(entry.text for entry in self.conditions())
 
     def conditions(self) -> Iterable[ConditionEntry]:
-        """What `ls` shows of it, the newest first."""
+        """The impairments as conditions for `ls`, the newest first."""
         for unit, until_us in list(self._refused_us.items())[-_SHOWN:]:
             text = f"impaired: acts of {unit} are refused for a minute: parts failed over them"
             yield ConditionEntry(text=text, since_us=max(0, until_us - DEAF_US))
@@ -260,7 +260,7 @@ def sender_of(key: keys.Key | None) -> str:
 
 
 def place_of(do: Callable[..., object]) -> str:
-    """Class and method of what is called."""
+    """Class and method of a callable."""
     while isinstance(do, partial):
         do = do.func
     part, name = getattr(do, "__self__", None), getattr(do, "__name__", "call")
@@ -270,7 +270,7 @@ def place_of(do: Callable[..., object]) -> str:
 
 
 def _said(where: str, error: Exception) -> str:
-    """What was raised where, in printable words: what arrived may be part of it."""
+    """Place, type and text of an error, unprintable characters replaced: the text may quote a message."""
     try:
         words = str(error)
     except Exception:  # noqa: BLE001  (of an extension's error, too)

@@ -45,7 +45,7 @@ class Fed(NamedTuple):
 
 
 class FedTogether(NamedTuple):
-    """What several sources have at one instant: it becomes available at once, as one element of every join (4.3.16)."""
+    """Samples of several sources at one instant: they become available at once, as one element of every join (4.3.16)."""
 
     at_us: int
     samples: tuple[Fed, ...]
@@ -105,7 +105,7 @@ class SearchNews(NamedTuple):
 
 
 class SearchOver(NamedTuple):
-    """What a search came to: a plan as `MissionPlan.as_record` has it, or None and why; it took so long (node clock)."""
+    """Result of a search: a plan as by `MissionPlan.as_record`, or None and a reason; duration by the node clock."""
 
     at_us: int
     number: int
@@ -149,10 +149,10 @@ class Compute(NamedTuple):
 
 
 class RunSearch(NamedTuple):
-    """Search for a plan in a process of its own, at most for `limit_us`; `SearchNews` and `SearchOver` tell what comes of it.
+    """Search for a plan in a process of its own, at most for `limit_us`; `SearchNews` and `SearchOver` report on it.
 
-    `units`: those that may act; None: all. `looking`: a problem of looking instead, as `planning/contingent/sent_problems.py` has it;
-    `reading`: texts to be read instead, as `agents/missions/mission_texts.py` has them.
+    `units`: the units that may act; None: all. `looking`: a problem of looking instead, in the format of
+    `planning/contingent/sent_problems.py`; `reading`: texts to be read instead, as of `agents/missions/mission_texts.py`.
     """
 
     number: int

@@ -48,7 +48,7 @@ def load_extension(name: str) -> Extension:
 
 
 def typed_actions(extensions: Iterable[str] = ()) -> Mapping[str, Action]:
-    """What a person can ask for by `dyknow delegate`, by head; those of extensions come last.
+    """Actions that a user can request by `dyknow delegate`, by head; actions of extensions come last.
 
     Raises:
         UnitError: an extension does not load.

@@ -165,7 +165,7 @@ class Scanning(Part):
         if scan is None or value is NO_VALUE or value[0] != scan.task:
             return
         if not scan.grid.merge(str(value[2])):
-            self._note(f"scan: what platform {unit} says it has seen is of no such area")
+            self._note(f"scan: the cells seen by platform {unit} are of another area; they are ignored")
 
     # -- the flight --------------------------------------------------------------------------------------------
 

@@ -348,7 +348,7 @@ class Handover(Part):
 
     def _sources(self) -> str:
         shared = [f"{level} of {unit}" for unit, level in sorted(self.levels.items()) if level != "none"]
-        return f"from what it sees, and {', '.join(shared)}" if shared else "from what it sees"
+        return f"from its own tracks, and {', '.join(shared)}" if shared else "from its own tracks"
 
     def _offer_news(self, relations: list[PairRelation], federation_us: int) -> None:
         for relation in self._relations.news(relations):
@@ -371,7 +371,7 @@ def _names(entry: DirectoryEntry | None) -> frozenset[str]:
 
 
 def _offered(entry: DirectoryEntry) -> frozenset[SharingLevel]:
-    """The levels that a platform can share; one that links its percepts itself shares its tracks."""
+    """The levels that a platform can share; a platform that links its percepts itself shares its tracks."""
     labels = _names(entry)
     levels = frozenset(level for label, level in _LABELS.items() if label in labels)
     return levels - {"percepts"} if TRACKS in labels else levels

@@ -41,7 +41,7 @@ from federation.transport import (
 )
 
 ASKED = 2
-"""How many platforms that were here before get a request for which ones they miss: what they know outlives them."""
+"""How many older platforms are queried for the platforms that they miss, which this one cannot know yet."""
 JOINING_US = 5_000_000
 """How long after its start a platform may still be refused."""
 NOTED = 64
@@ -62,7 +62,7 @@ class DirectoryAgent(Part):
 
     Args:
         offered, labels: the services and semantic labels this platform offers, as they are now.
-        ontology: what labels mean here; what not every platform has is announced.
+        ontology: definitions of labels here; definitions that are not built in are announced.
         fed: the parts that imported samples may make due earlier.
         emit, note: take effects, and words for users.
         contain: lets it beat though something else of the member raises.
@@ -212,7 +212,7 @@ class DirectoryAgent(Part):
         return None
 
     def on_asked(self, event: Asked, now_us: int) -> Followed:
-        """A peer compares its clock with ours, or what it knows of us, as each does with each all the time."""
+        """Answer a peer that compares its clock, or its entry of this platform, with ours."""
         self._member.dispatch(event, now_us)
         return ()
 
@@ -223,7 +223,7 @@ class DirectoryAgent(Part):
         return self._own if self._member.on_ask_ended(event) else ()
 
     def _on_own(self, change: PeerChange, now_us: int) -> None:
-        """What is this platform's own affair: its name, its clock, its members."""
+        """React to changes that concern this platform itself: its name, its clock, its members."""
         match change:
             case liveness.NameConflict(unit, boot):
                 self._conflict(boot, f"another platform is called {unit} already", "choose another --unit", now_us)
@@ -259,7 +259,7 @@ class DirectoryAgent(Part):
         return self._member.deadline_us
 
     def on_time(self, now_us: int) -> Followed:
-        """Judge the silent, ask for what is not known, put again what is not acknowledged, beat."""
+        """Suspect silent peers, query missing entries, repeat unacknowledged acts, send the heartbeat."""
         acts = self._member.acts
         ended = acts.ended
         for step in self._member.steps:

@@ -28,7 +28,7 @@ class Imported(RefinementProcess):
 
 
 class ImportDemand:
-    """Where the source itself has the label: it is asked for while it has a subscriber, and what came is kept."""
+    """Demand of a source that itself has the label: it is requested while it has a subscriber; its samples are kept."""
 
     def __init__(self, generator: Generator, ask: Callable[[bool], None]) -> None:
         self._generator, self._ask, self._asks = generator, ask, False
@@ -40,7 +40,7 @@ class ImportDemand:
         self._tell(bool(self._generator.subscriptions))
 
     def reach(self, from_us: int | None) -> None:
-        """There is no more of the past than what came."""
+        """Do nothing: the past of an imported stream is what its history holds."""
 
     def since_us(self) -> int:
         """The history knows."""

@@ -17,7 +17,7 @@ def select_newest(readings: Sequence[TrustedReading]) -> Reading | None:
 
 
 def select_best(readings: Sequence[TrustedReading]) -> Reading | None:
-    """The one with the smallest stated variance as far as it is trusted, the newest among equals; one that states none comes last."""
+    """The reading with the least stated variance over trust, the newest among equals; one without variance is last."""
 
     def rank(each: TrustedReading) -> tuple[bool, float, int]:
         reading, trust = each

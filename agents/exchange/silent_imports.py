@@ -1,7 +1,7 @@
 """Imported streams without a sample: the cause, and what to do about it (policies, thesis 4.4).
 
-A stream that is sampled where it is made, off the grid of those that take it, brings them nothing, and looks to them as if
-its maker were silent. The maker is asked for its newest sample; what the policy makes of that is the cause.
+A stream whose samples all lie off the grid of its receivers brings them none, as if its producer were silent. The
+producer is queried for its newest sample; applying the policy to that sample shows the cause.
 """
 
 from collections.abc import Iterable
@@ -18,7 +18,7 @@ from federation.messages.descriptions import ConditionEntry
 
 LOOK_US = 250_000
 SILENT_US = 800_000
-"""So long after a stream was announced, and two periods, its first sample is waited for."""
+"""How long after its announcement, plus two periods, the first sample of a stream is waited for."""
 MOST = 4
 """How many of them are shown at once as conditions of the platform."""
 
