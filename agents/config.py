@@ -19,7 +19,7 @@ from reasoning import Profile, builtin_profiles
 
 @dataclass(frozen=True, slots=True)
 class PlatformConfig:
-    """What makes one platform different from another.
+    """Configuration of one platform: see the attributes.
 
     Attributes:
         unit: its name in the federation.

@@ -70,7 +70,7 @@ class Containment:
 
     Attributes:
         failures: how often a place raised.
-        senders: how often that was over what a member sent.
+        senders: number of failures over messages of a member.
         impaired: the impairments that are shown, by place.
         owner_of: the member behind a unit, which is refused under all its names.
         is_news: whether anything was caught; `Platform.settle` resets it.
@@ -100,7 +100,7 @@ class Containment:
     # -- what raises -------------------------------------------------------------------------------------------
 
     def caught(self, where: str, error: Exception, sender: str | None = None, *, by_act: bool = False) -> Impairment:
-        """Count, note once and show that `where` raised, over what `sender` sent; raises it again where nothing is caught.
+        """Count, note once and show that `where` raised, over a message of `sender`; raises it again unless `is_on`.
 
         `by_act`: the sender signed what it was over, if anything is signed here.
         """
@@ -112,8 +112,8 @@ class Containment:
         if found is None:
             found = self.impaired[where] = Impairment(_said(where, error), over, now_us, now_us)
             _bound(self.impaired)
-            about = f", over what {over} sent" if over else ""
-            self._note(f"impaired: {found.text}{about}; what it was doing is ended, the rest continues")
+            about = f", over messages of {over}" if over else ""
+            self._note(f"impaired: {found.text}{about}; its current operation is ended, the rest continues")
         else:
             found.count, found.last_us = found.count + 1, now_us
             found.over = over if over == found.over else ""
@@ -243,7 +243,7 @@ class Containment:
             text = f"impaired: {len(self.impaired)} places; the newest {_SHOWN} are listed"
             yield ConditionEntry(text=text, since_us=min(max(0, found.since_us) for found in self.impaired.values()))
         for found in list(self.impaired.values())[: -_SHOWN - 1 : -1]:
-            over = f", over what {found.over} sent" if found.over else ""
+            over = f", over messages of {found.over}" if found.over else ""
             yield ConditionEntry(
                 text=f"impaired ({found.how}{over}): {found.text}"[:200], since_us=max(0, found.since_us)
             )

@@ -1,4 +1,4 @@
-"""A part of a platform: what it understands, which events it takes, when it is due. A new capability is a new part."""
+"""A part of a platform: the acts and events that it takes, and when it is due. A new capability is a new part."""
 
 from collections.abc import Callable, Iterable, Mapping, Sequence
 from typing import ClassVar, Final, NamedTuple, Protocol, TypeAlias
@@ -22,7 +22,7 @@ PeerChange: TypeAlias = DirectoryEvent | ClockCompared
 
 
 class Timed(Protocol):
-    """What has work at a time: a part, or something in it that has a deadline of its own."""
+    """Something with work at a time: a part, or a component of it with a deadline of its own."""
 
     @property
     def deadline_us(self) -> int | None:
@@ -74,7 +74,7 @@ class Part:
         return ()
 
     def conditions(self) -> Iterable[ConditionEntry]:
-        """What a person should know of its state now; `ls` shows it. After a change call the port `offer`."""
+        """The conditions of its state that users should know; `ls` shows them. After a change call the port `offer`."""
         return ()
 
     def start(self, now_us: int) -> None:

@@ -8,7 +8,6 @@ LIMIT = 60
 """How often words that the glossary replaces may still occur. It only falls."""
 HEADLESS = {
     "ARCHITECTURE.md": 9,
-    "agents": 341,
     "anchoring": 8,
     "compunits": 1,
     "console": 13,

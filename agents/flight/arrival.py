@@ -74,7 +74,7 @@ class Arrival:
             self._due_us = min(self._due_us, self._lost_us + UNSEEN_US)
 
     def _overtaken_by(self, pilot: Pilot) -> str:
-        """What became of the order."""
+        """The reason why the order is no longer flown."""
         return self.errand.reason or pilot.claims.hands or pilot.mission.waits or "the vehicle was sent elsewhere"
 
     def _distances(self, pilot: Pilot) -> tuple[float, float]:

@@ -236,7 +236,7 @@ class CommandedVehicle(HeardVehicle):
 
     @property
     def kept_aside(self) -> vehicle.Order | InterruptedMission | None:
-        """What the vehicle did before it gave way, and will do again; None: its plan, or nothing that is known."""
+        """The activity that the vehicle interrupted to give way, and will resume; None: its plan, or unknown."""
         return self._aside
 
     @property
@@ -267,5 +267,5 @@ class CommandedVehicle(HeardVehicle):
 
     @property
     def flying(self) -> str:
-        """What the vehicle is doing for us, in a word: `watching`, `diverted`, `mission`, `order`, `plan` or `holding`."""
+        """The vehicle's activity for this platform: a word of `arbiter.WORDS`, `watching` (no control) or `holding`."""
         return arbiter.WORDS.get(self.claims.commander, "holding") if self.control else "watching"

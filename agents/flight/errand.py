@@ -55,7 +55,7 @@ SLOPE = 5.0
 STEEP = 0.25
 """A climb to a place nearer than this multiple of its height shows in its height alone."""
 TEXT_WITHIN_US = 1_000_000
-"""What an autopilot says so soon after an order is of that order."""
+"""A text of the autopilot that comes so soon after an order is about that order."""
 WORDS_US = 300_000
 """How long after an order a user waits for the words to a refusal."""
 SAYS_S = 0.5
@@ -214,7 +214,7 @@ class Errand:
         return bool(leaves) and status.mode == self.from_mode
 
     def on_text(self, text: TextReport, now_us: int) -> None:
-        """What the autopilot has to say, before or after it refuses; the first sentence after the order counts."""
+        """Take a text of the autopilot, before or after its refusal; the first text after the order counts."""
         if self._text or self.progress is _P.OVERTAKEN or now_us - self.sent_us > TEXT_WITHIN_US:
             return
         self._text = text.text
@@ -275,7 +275,7 @@ class Errand:
 
     @property
     def _upright_m(self) -> float:
-        """How far off in height it may be: one that is stopped while it climbs or sinks does so for a second more."""
+        """Allowed height error, metres: a vehicle stopped while it climbs or sinks continues to for a second."""
         climbs = self.start is not None and isinstance(self.order, HoldOrder)
         return UPRIGHT_M + (abs(self.start.down_m_s) if climbs and self.start is not None else 0.0)
 

@@ -2,9 +2,9 @@
 
 A platform commands its vehicle only when it was given control, and only while the vehicle is armed, airborne, in a
 guided mode and heard (`agents.flight.arbiter`); within floor, ceiling and range, and inside the autopilot's own fence. In
-AUTO it only leaves the mission to give way, if it may, and continues it. Every refusal names the rule that made it. What
-the vehicle was doing before it gave way is commanded once and then forgotten; after a takeover, AUTO included, nothing is
-sent until a user asks for it. What becomes of an order is in `agents.flight.errand`.
+AUTO it only leaves the mission to give way, if it may, and continues it. Every refusal names the rule that made it. The
+activity interrupted by giving way is commanded once and then forgotten; after a takeover, AUTO included, nothing is
+sent until a user asks for it. The life of an order is in `agents.flight.errand`.
 """
 
 from dataclasses import dataclass
@@ -232,7 +232,7 @@ class Pilot(CommandedVehicle):
         )
 
     def _doing(self) -> vehicle.Order | InterruptedMission | None:
-        """What the vehicle does, to return to it; the plan needs no memory."""
+        """The order or mission that the vehicle flies, to return to it; None: the plan, which needs no memory."""
         target, age_us = self.others_target(), self.targets.age_us(self.now_us)
         if target is not None and age_us > HEARD_WITHIN_US and not self.keeps_plan:
             self.note(f"its target was heard {age_us / 1e6:.0f} s ago, and is taken to be the same still")
@@ -246,7 +246,7 @@ class Pilot(CommandedVehicle):
         return self.standing if taken else None if self.keeps_plan else target
 
     def resume(self) -> list[vehicle.Command]:
-        """Fly on as before the diversion: what the vehicle was doing is commanded once, and forgotten."""
+        """Resume the activity interrupted by the diversion: it is commanded once, and forgotten."""
         diversion, self.diversion, self._goal = self.diversion, None, None
         aside, self._aside = self._aside, None
         if diversion is not None and diversion.progress is OrderProgress.OVERTAKEN:
@@ -255,7 +255,7 @@ class Pilot(CommandedVehicle):
             return []
         if self.plan is not None and self.keeps_plan and self.standing is None and not isinstance(aside, ENDINGS):
             if diversion is not None:
-                self.leg = min(self.leg, len(self.plan.waypoints) - 1)  # who had arrived returns to where it was
+                self.leg = min(self.leg, len(self.plan.waypoints) - 1)  # a vehicle that had arrived returns there
             return [] if self.fix is None else self._fly(self.fix.valid_us)
         if diversion is None or diversion.progress is OrderProgress.REFUSED:
             if diversion is not None and self._has_diverted:

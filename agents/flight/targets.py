@@ -1,8 +1,8 @@
 """Where a vehicle says it is flying to, and by whose word. Times are federation time.
 
 A target is ours while an order of ours that is under way has it, and stays ours until another one is reported; any other
-one is another station's, or that of the vehicle's own mission. What another station gave is remembered while ours are
-flown, and over gaps of the link: it is the way back. It is forgotten when the vehicle changes its mode by itself.
+target is another station's, or that of the vehicle's own mission. Another station's target is remembered while ours
+are flown, and over gaps of the link: it is the way back. It is forgotten when the vehicle changes its mode by itself.
 """
 
 from dataclasses import dataclass
@@ -18,7 +18,7 @@ _THERE_M = 5.0
 
 @dataclass(slots=True)
 class Targets:
-    """What one vehicle has reported of its targets.
+    """The targets that one vehicle has reported.
 
     Attributes:
         told_us: when the newest was reported last.

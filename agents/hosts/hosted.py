@@ -1,7 +1,7 @@
 """A knowledge process host as its platform sees it, and the processes it runs for it (thesis 5.2, 5.3).
 
-A hosted process is one on demand like any other: its input streams end here, its generator is here. What it takes goes
-to the host as messages, what it makes comes back later; so its streams cannot begin in the past.
+A hosted process is on demand like any other: its input streams end here, its generator is here. Its input samples go
+to the host as messages, its output comes back later; so its streams cannot begin in the past.
 """
 
 from collections.abc import Callable, Sequence
@@ -23,7 +23,7 @@ _EVER: Final = 2**63
 
 
 class HostLink(NamedTuple):
-    """An input that the host takes from another process of its own, in what that made from one serial up to another."""
+    """An input that the host takes from another of its processes, `maker`: the outputs from one serial up to another."""
 
     maker: int
     since: int
@@ -106,7 +106,7 @@ class Host:
         return out
 
     def on_made(self, made: messages.HostOutput, now_us: int) -> None:
-        """Hand on what a process made, if it still has clients. Raises DecodeError if it cannot be."""
+        """Pass on the output of a process, if it still has clients. Raises DecodeError if it is invalid."""
         process = self.processes.get(made.process)
         if process is None:
             return
@@ -172,8 +172,8 @@ class HostedProcess(OnDemand):
     """One process at a host.
 
     Attributes:
-        number: what the host knows it by; 0 while it is dormant.
-        grid: what of a source is wanted, so that no more of it travels; None: all.
+        number: its number at the host; 0 while it is dormant.
+        grid: the samples of a source that are wanted, so that no others are sent; None: all.
     """
 
     def __init__(
@@ -292,7 +292,7 @@ class HostedProcess(OnDemand):
     # Chains
 
     def chainable(self, makers: dict[Label, int]) -> list[tuple[int, int]]:
-        """The inputs that take all of what one of these processes makes, and which."""
+        """(input, number of the process) for the inputs that take all samples of one of these processes."""
         taken = enumerate(zip(self._wanted, self.proxies, strict=True))
         return [(i, makers[each.label]) for i, (each, proxy) in taken if each.label in makers and proxy.adapter.is_open]
 

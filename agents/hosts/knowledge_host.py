@@ -17,7 +17,7 @@ MAX_BATCH: Final = 256
 
 
 class Read(NamedTuple):
-    """Read a source from a time on, what lies on the grid of it (None: all)."""
+    """Read a source from a time on, only samples on `grid` (None: all)."""
 
     process: int
     source: SourcePrototype
@@ -26,7 +26,7 @@ class Read(NamedTuple):
 
 
 HostStep: TypeAlias = messages.FromHost | Read | messages.Want | messages.End | messages.Welcome | messages.Refuse
-"""Messages for the platform, and what the host's process does: read a source, or the platform's message about that."""
+"""Messages for the platform, and steps of the host's process: to read a source, or the platform's message about that."""
 
 
 class _Item(NamedTuple):
@@ -49,7 +49,7 @@ class KnowledgeHost:
     """The processes of one host.
 
     Args:
-        prototypes: what it offers.
+        prototypes: the prototypes that it offers.
         pid, module: its identity, for users.
         batch: number of input samples of a process that are processed together.
         train: whether a sample passes a whole chain of processes before the next scheduled action.
@@ -108,7 +108,7 @@ class KnowledgeHost:
         return self._scheduler.acting
 
     def on_message(self, message: messages.FromPlatform) -> list[HostStep]:
-        """Take a message of the platform; what follows at once."""
+        """Take a message of the platform; returns the steps that follow at once."""
         match message:
             case messages.Welcome() | messages.Refuse() | messages.Want():
                 return [message]

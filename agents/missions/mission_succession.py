@@ -2,7 +2,7 @@
 
 The leader informs them of the mission, and of the state that it holds for true whenever a step of the plan begins or ends:
 `(keep-mission ...)`. From another platform than the leader of its vehicle's mission that counts for nothing. The successor
-plans again from that state and what it senses itself, without the vehicle that is gone; goals that it cannot reach it names.
+plans again from that state and its own percepts, without the vehicle that is gone; it names goals that it cannot reach.
 A leader that is back in the same life leads again. Times are the node clock.
 """
 
@@ -37,7 +37,7 @@ class _Told:
 
 @dataclass(slots=True)
 class _Kept:
-    """What this platform would lead.
+    """A mission that this platform would lead.
 
     Attributes:
         boot: the life of its leader.
@@ -195,7 +195,7 @@ class MissionSuccession(Part):
         return min((each for each in (due_us, kept_us) if each is not None), default=None)
 
     def on_time(self, now_us: int) -> None:
-        """Inform the others of what has changed; take over from a leader that is gone."""
+        """Inform the others of changes; take over from a leader that is gone."""
         kept = self._kept
         if kept is not None and kept.due_us is not None and now_us >= kept.due_us:
             self._take_over(kept, now_us)

@@ -1,4 +1,4 @@
-"""A formula over a platform's live states, on request (thesis 7.5), and what is to be done when one becomes true.
+"""A formula over a platform's live states, on request (thesis 7.5), and tasks that begin when one becomes true.
 
 Node clock but for states.
 """
@@ -60,7 +60,7 @@ class Check:
     """The features that have had a value."""
 
     def progress(self, state: FormulaState) -> None:
-        """One more state; what was before anything had a value is unknown."""
+        """Progress over one more state; states before the first value of any feature are skipped."""
         self.valued.update(name for name, value in state.values.items() if value is not NO_VALUE)
         if state.values and not self.valued:
             return
@@ -119,7 +119,7 @@ class Checks(Part):
         limits and roles are those of then. It fails when the time is over.
 
         Raises:
-            ContentError, UnknownLabel: as `on_check`, or what is to be done is not understood.
+            ContentError, UnknownLabel: as `on_check`, or the content of `do` is not understood.
             Refused: it may not be asked for in advance; too many requests wait; as `on_check`.
         """
         if content.do.head not in LATER:

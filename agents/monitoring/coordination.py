@@ -167,7 +167,7 @@ class Coordination(Part):
         self._cancel_all({unit: before}, now_us)
 
     def _renew(self, task: str, now_us: int) -> None:
-        """Request everything of the participants again: what a successor requested ends with the requests of the successor."""
+        """Request everything of the participants again: the set-up by a successor ends with the successor's requests."""
         led = self._life.coordinated.get(task)
         if led is None or led.leader != self._unit or (led.renewed_us is not None and now_us < led.renewed_us):
             return
@@ -361,9 +361,9 @@ class Coordination(Part):
                 self._agent.tell(unit, alarm, now_us)
 
     def on_told(self, act: Act, alarm: contents.Alarm, now_us: int) -> None:
-        """`(alarm ...)`: a participant of a task we coordinate raised it; what others tell us is in our monitors, too.
+        """`(alarm ...)`: a participant of a task we coordinate raised it; alarms of others our own monitors see, too.
 
-        What no other of its units sees is passed on once more, as the word of that participant alone.
+        An alarm that no other of its units raises is passed on once more, as the report of that participant alone.
 
         Raises:
             Refused: `not-a-participant`; or it is no alarm of a monitor of the task about the sender.
@@ -383,13 +383,13 @@ class Coordination(Part):
             self._pass_on(led, alarm, now_us)
 
     def on_progress(self, act: Act, content: contents.Progress, now_us: int) -> None:
-        """`(progress ...)`: what a participant of a task we coordinate reports goes to its delegator."""
+        """`(progress ...)`: pass the report of a participant of a task we coordinate on to its delegator."""
         led = self._life.coordinated.get(act.conversation_id or "")
         if led is not None and act.sender.unit in led.members:
             self._progress(led, content.step, act.sender.unit, now_us)
 
     def report(self, step: str, now_us: int) -> None:
-        """Tell the delegators what became of giving way here."""
+        """Report a step of giving way to the delegators."""
         for led in self._life.coordinated.values():
             if led.avoidance:
                 self._pass_on(led, contents.Progress(step=step[:200], unit=self._unit), now_us)

@@ -38,7 +38,7 @@ BETWEEN_US = 1_000_000
 
 
 class _Known(NamedTuple):
-    """What subscribers know of a monitor, and since when (node clock)."""
+    """State of a monitor as last reported to subscribers, and when (node clock)."""
 
     monitor: Monitor
     is_unknown: bool
@@ -98,7 +98,7 @@ class MonitorQueries(Part):
         return self._look_us if self._subscribers else None
 
     def on_time(self, now_us: int) -> None:
-        """Compare what monitors show with what was reported."""
+        """Compare the monitors with their last reported states, and report the changes."""
         if not self._subscribers or now_us < self._look_us:
             return
         self._look_us = now_us + LOOK_US

@@ -1,8 +1,8 @@
 """The monitors of a platform: states out of local and imported streams, formulas over the states (thesis 9.4.2).
 
 A named monitor whose formula quantifies over `units - {self} growing` has one instance per other platform, each with
-a state stream of its own: a silent platform makes its own instance stale and no other. What this platform brings to
-all of them is synchronised once. Federation time.
+a state stream of its own: a silent platform makes its own instance stale and no other. This platform's own inputs
+to all of them are synchronised once. Federation time.
 """
 
 from collections.abc import Callable, Iterable
@@ -37,7 +37,7 @@ class NamedMonitor:
 
     Attributes:
         states: of all instances, while there are any.
-        taps: what feeds all instances alike.
+        taps: the inputs that all instances share.
         check_us: the inputs of no instance go stale or missing before this.
     """
 
@@ -70,7 +70,7 @@ class UnitMonitors:
         network: the local instance.
         source: (semantic label, unit) -> its local label, declared if it was not, and how its values become semantic.
         on_alarm: called with every opening, closing and end.
-        contain: what becomes of a monitor that raises; None: it is raised.
+        contain: contains errors of a monitor; None: they are raised.
 
     Attributes:
         on_members: called when a unit has joined or left.
@@ -193,7 +193,7 @@ class UnitMonitors:
             listener()
 
     def needs(self) -> Needs:
-        """What they live on; the same object while that does not change."""
+        """The streams that they need of other units; the same object while these do not change."""
         if self._needs is None:
             self._needs = self._needed()
         return self._needs
@@ -374,7 +374,7 @@ class UnitMonitors:
         for member, valid_us, state in states:
             instance = named.instances.get(member)
             if instance is None:
-                continue  # what an alarm before it led to has ended it
+                continue  # a consequence of an earlier alarm has ended it
             monitor, maker = instance.monitor, instance.maker
             try:
                 if not (maker.is_clear(state) and monitor.on_clear(valid_us, now_us)):

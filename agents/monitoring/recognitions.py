@@ -31,7 +31,7 @@ LIMITS = RecognitionLimits(events=100_000, events_of_one_binding=1_000, waiting=
 
 
 class Open(NamedTuple):
-    """One watch, and for whom; `partials` looks for what may become an instance."""
+    """One watch, and its request; `partials` watches for partial instances."""
 
     act: Act
     watch: ChronicleWatch
@@ -39,7 +39,7 @@ class Open(NamedTuple):
 
 
 class Recognitions(Part):
-    """What is being watched for on one platform."""
+    """The chronicles that are being recognised on one platform, on request."""
 
     offers = (Offer(COORDINATION, (Action(Recognise, "on_recognise", SUBSCRIBED),)),)
     answers = (Expected, Recognised)

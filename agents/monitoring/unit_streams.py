@@ -23,7 +23,7 @@ class UnitStreams:
         translation: the platform's own labels and units.
         monitors: knows the other units.
         demand: called when an input of another unit is needed, and when it is no longer.
-        objects: knows the objects in streams of object states. What bears the name of no unit may be one of them.
+        objects: knows the objects in streams of object states; a name that is no unit's may be one of theirs.
     """
 
     def __init__(

@@ -48,7 +48,7 @@ class OffersPlayed(NamedTuple):
 
 
 class Played(NamedTuple):
-    """What the recording has of one moment, in its order."""
+    """The recorded samples, acts and alarms of one moment, in their order."""
 
     at_us: int
     happened: tuple[PlayedSample | PlayedAct | AlarmEvent, ...]

@@ -1,4 +1,4 @@
-"""What a platform answers to `(avoid ...)`: to a manoeuvre that another one proposes, and to a meeting that it leaves to us."""
+"""Answers to `(avoid ...)`: to a manoeuvre that another platform proposes, and to a meeting that it leaves to us."""
 
 from typing import Final
 
@@ -18,7 +18,7 @@ SOON_S: Final = 20.0
 
 
 class AvoidAnswers:
-    """Answers to proposals. What this platform agrees to is stored in `logic` and `neighbourhood`."""
+    """Answers to proposals. Agreements are stored in `logic` and `neighbourhood`."""
 
     def __init__(self, unit: str, logic: SeparationLogic, neighbourhood: Neighbourhood, view: SituationView) -> None:
         self._unit, self._logic = unit, logic
@@ -72,7 +72,7 @@ class AvoidAnswers:
         return f"leaves all of it to {self._unit}: {because}"
 
     def _hear(self, other: str, legs: tuple[IntendedPlace, ...], speed_m_s: float | None, now: Situation) -> str:
-        """What it will fly: refused where it meets the manoeuvre that we fly, or a way of ours that cannot be changed."""
+        """Check its proposed way; refused if it meets our manoeuvre, or a way of ours that cannot be changed."""
         known = self._neighbourhood.others.by_unit[other]
         own = known.intent
         proposed = own._replace(
@@ -84,8 +84,8 @@ class AvoidAnswers:
             contingency=Contingency(0.0, own.legs, own.ending),  # until it says that it flies it
         )
         if self._is_met(proposed, now):
-            raise Refused(f"it meets what {self._unit} flies", "not-free")
-        if known.said:  # its positions stand for one that publishes no intent, or one that they contradict
+            raise Refused(f"it meets the way of {self._unit}", "not-free")
+        if known.said:  # else its positions stand for it: it has no intent, or one that they contradict
             known.intent = proposed
         return f"{other} makes room"
 

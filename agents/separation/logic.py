@@ -4,7 +4,7 @@ Two meet when their tubes lose the minima within `LOOK_S`. Of two the later in t
 (`navigation.intents.intent.RightOfWay`, then the name). For each vehicle that we meet:
 
     state      it is entered when                                            then
-    EXPECTED   the other is later, and can                                   it yields; what it commits is free of us: over
+    EXPECTED   the other is later, and can                                   it yields; its manoeuvre is free of us: over
     MINE       we are later; or the other cannot, has left it to us, or      we plan a way that is free of all others and of
                has not shown anything for 2 s                                their contingencies, propose it, fly it
     LEFT       we cannot: our mode, our limits, a refusal, nothing is free   the other is notified, and is to take it
@@ -12,8 +12,8 @@ Two meet when their tubes lose the minima within `LOOK_S`. Of two the later in t
 
 and of our own manoeuvre:
 
-    PROPOSED   to those that we meet, for half a second at most; what was   all agree, or are silent: FLOWN; one refuses: again;
-               flown before is flown meanwhile                              the reason is gone: what was flown before
+    PROPOSED   to those that we meet, for half a second at most; the way    all agree, or are silent: FLOWN; one refuses: again;
+               before it is flown meanwhile                                 the reason is gone: the way before it
     FLOWN      it is commanded, place by place                               refused, overtaken, unseen: we cannot, for 5 s, and
                                                                              are taken to fly our own way
                our own way has been free of all others for half a second,    over: we fly on
@@ -47,7 +47,7 @@ from navigation.intents.meeting import MINIMA, clearance, closeness, first_meeti
 from navigation.intents.path import FlatMotion, Tube, fly
 
 LOOK_S: Final = 12.0
-"""What is farther ahead is not acted on: until then much may change."""
+"""Meetings farther ahead are not acted on: until then much may change."""
 STEPS: Final = 81
 PATIENCE_US: Final = 2_000_000
 ASKS_US, URGENT_S = 500_000, 6.0
@@ -70,7 +70,7 @@ class SeparationLogic:
 
     Attributes:
         meetings: by unit.
-        manoeuvre: what it flies to keep apart; None: its own way.
+        manoeuvre: the manoeuvre by which it keeps apart; None: it flies its own way.
         cannot: why its manoeuvres are not flown at the moment.
     """
 
@@ -107,7 +107,7 @@ class SeparationLogic:
         return steps
 
     def flown(self, now: Situation) -> Tube:
-        """What it flies now, from now on."""
+        """The tube of its present way, from now on."""
         manoeuvre = None if self.manoeuvre is None else self.manoeuvre.flown
         if manoeuvre is not None:
             speed_m_s = manoeuvre.planned.speed_m_s or now.performance.speed_m_s
@@ -116,7 +116,7 @@ class SeparationLogic:
         return fly(now.motion, now.legs, now.ending, now.performance, STEPS)
 
     def _soon(self, now: Situation, tube: Tube, within_s: float = LOOK_S) -> dict[str, float]:
-        """Those that it meets on that way, and in how many seconds; contingencies count of those that are silent."""
+        """Seconds until it meets each unit on that way; contingencies count for silent units."""
         traffic, found = now.traffic, dict[str, float]()
         if not traffic.units:
             return found
@@ -198,7 +198,7 @@ class SeparationLogic:
         return Yielding(now.motion, now.legs, now.ending, now.performance, tubes, now.allowed, now.slow_m_s)
 
     def _is_better(self, now: Situation, found: PlannedManoeuvre) -> bool:
-        """Whether it keeps farther away than what is flown."""
+        """Whether it keeps farther away than the present way."""
         steps = found.tube.shape[1]
         others = now.traffic.tubes[:, :, :steps]
         present = clearance(closeness(self.flown(now)[:, :steps], others, MINIMA))
@@ -267,7 +267,7 @@ class SeparationLogic:
         return sum(unit_order(unit) < unit_order(self.unit) for unit in earlier)
 
     def _go_round(self, now: Situation, manoeuvre: Manoeuvre) -> list[Step]:
-        """One that has stood for a while since its way is not free looks for one that leads round what is in the way."""
+        """Plan a way round the vehicles in its way, once it has stood for a while because of them."""
         due_us = max(manoeuvre.since_us + WAITS_US, self._planned_us + ROUND_US)
         if now.now_us < due_us or not _stands(now.motion):
             return []
@@ -285,7 +285,7 @@ class SeparationLogic:
         return self._begin(now.now_us, Manoeuvre(found, units, now.now_us, seen_us=now.now_us))
 
     def _in_the_way(self, now: Situation) -> tuple[str, ...]:
-        """Those that its own way meets, as far as it is looked at."""
+        """The units that its own way meets within `STEPS`, sorted."""
         way = fly(now.motion, now.legs, now.ending, now.performance, STEPS)
         return tuple(sorted(self._soon(now, way, np.inf)))
 
@@ -293,7 +293,7 @@ class SeparationLogic:
         self.manoeuvre = None
         return [GoOn(tuple(sorted(manoeuvre.units)))]
 
-    # -- what cannot be ----------------------------------------------------------------------------------------
+    # -- meetings that it cannot avoid -------------------------------------------------------------------------
 
     def _leave(self, now: Situation, unit: str, reason: str) -> list[Step]:
         """We do not avoid it: it is notified, once; where it cannot either, that is an alarm."""

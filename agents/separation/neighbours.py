@@ -1,7 +1,8 @@
 """The other vehicles as traffic: where each was to be by its newest intent, grown while it is silent, bounded where it lies.
 
-A member that is silent, in the air, stays traffic, by its intent and its contingency, wider by half a metre a second, until it
-is heard again, is seen on the ground, or its battery must be empty. One that has published no intent is taken by its motion.
+A member that is silent, in the air, stays traffic, by its intent and its contingency, wider by half a metre a second,
+until it is heard again, is seen on the ground, or its battery must be empty. The motion of a member without intent
+stands for it.
 Federation time.
 """
 
@@ -24,7 +25,7 @@ GROWS_M_S, GROWS_MOST_M = 0.5, 25.0
 FORGOTTEN_US: Final = 1_800_000_000
 """By then the battery of a copter is empty."""
 MOST_OWN_M: Final = 30.0
-"""No vehicle claims more room for itself than that: what it says is cut down to it."""
+"""No vehicle claims more room for itself than that: wider claims are cut down to it."""
 LEAP_M, LEAP_M_S = 50.0, 60.0
 CREDIBLE_US: Final = 3_000_000
 FORMER_US: Final = 20_000_000
@@ -37,7 +38,7 @@ RESUMED_STEPS: Final = 400
 """Such a way is flown ahead for 200 s; after that the vehicle is taken to stand there, as wide as it has grown."""
 APART_M, APART_UP_M, MOVES_M_S, ASTRAY_M_S = 25.0, 12.0, 3.0, 6.0
 """How far apart position and intent of one moment may be, and how much more for each second between them."""
-"""One that has leapt is traffic where it was last until it has been credible for so long."""
+"""A vehicle that has leapt is traffic where it was last until it has been credible for so long."""
 ALTITUDE_LEAP_M, ALTITUDE_LEAP_M_S = 6.0, 12.0
 WORD_US: Final = 1_000_000
 """An intent that is so much newer takes back that its vehicle cannot avoid another."""
@@ -56,7 +57,8 @@ class Neighbour:
         contradicted: how many looks its positions have contradicted its intent; belied_us: when its positions last
         contradicted its intent; it is taken by them until that is `CREDIBLE_US` ago.
         leapt_us: when it was last somewhere where no vehicle gets so fast; the intent before stands then.
-        former: what it had published before it leapt, or was somewhere else after a silence, and when that came: it stands, too, until `FORMER_US` later.
+        former: its intent before it leapt, or was elsewhere after a silence, and when that came: it stands, too, until
+            `former_until_us`.
         own_way: its newest word that was no manoeuvre.
         cannot: why it does not avoid us, in its own words, since `cannot_us`; empty: it has reported nothing of the kind.
     """
@@ -85,13 +87,13 @@ class Neighbour:
         return max(0.0, (now_us - self.intent.at_us) / 1e6)
 
     def rank(self, now_us: int) -> RightOfWay:
-        """Its right of way: one that is silent, or has published no intent, cannot be asked for anything."""
+        """Its right of way: a vehicle that is silent, or has published no intent, cannot be requested to yield."""
         if not self.said or self.cannot or self.is_silent(now_us) or self.leapt_us is not None:
             return RightOfWay.CANNOT
         return self.intent.rank
 
     def keep_former(self, now_us: int) -> None:
-        """What is published from now on may be wrong: what was published before stands as well for a while."""
+        """Keep the present intent for `FORMER_US` next to newer ones, which may be wrong."""
         if self.former is None or now_us > self.former_until_us:
             self.former = self.intent, self.heard_us
         self.former_until_us = now_us + FORMER_US
@@ -159,7 +161,7 @@ def tube_of(intent: Intent, origin: FlatOrigin, now_us: int, steps: int) -> Tube
 class Traffic3D(NamedTuple):
     """The tubes of several neighbours: an array of (K, 5, steps), with whose each is, and whether it counts.
 
-    What an autopilot does on a lost link counts for planning alone while its vehicle is heard.
+    The way of an autopilot on a lost link counts for planning alone while its vehicle is heard.
     """
 
     tubes: npt.NDArray[np.float64]

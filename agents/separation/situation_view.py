@@ -1,7 +1,7 @@
-"""What one platform knows of its own vehicle and of all others at a moment: the `Situation` that the rule looks at. Federation time.
+"""The `Situation` that the rule decides on: one platform's own vehicle and all others at a moment. Federation time.
 
-A vehicle whose position has not been known for a while is taken to fly on as its intent had it: those that it meets are notified
-that it does not avoid them.
+A vehicle whose position has not been known for a while is taken to fly on as its intent had it: the vehicles that it
+meets are notified that it does not avoid them.
 """
 
 from collections.abc import Iterable, Sequence
@@ -39,12 +39,12 @@ class SituationView:
     """See the module.
 
     Args:
-        neighbourhood: what others will do, and what it says of its own vehicle.
+        neighbourhood: the intents of others, and of the own vehicle.
         logic: the rule, whose manoeuvre is flown.
         may_avoid: whether this platform may give way at all.
 
     Attributes:
-        origin: what metres count from; None: nothing was looked at yet.
+        origin: the origin of metres; None: there was no situation yet.
     """
 
     def __init__(self, pilot: Pilot, neighbourhood: Neighbourhood, logic: SeparationLogic, *, may_avoid: bool) -> None:
@@ -59,7 +59,7 @@ class SituationView:
         return fix.valid_us + OLD_US + 1 if flies and fix is not None else None
 
     def situation(self) -> Situation | None:
-        """What is known now; None: the vehicle is on the ground, or its position was never known."""
+        """The present situation; None: the vehicle is on the ground, or its position was never known."""
         pilot, around = self._pilot, self._neighbourhood
         fix, own = pilot.fix, around.own.now(None)
         if fix is None or own is None or not own.is_airborne:

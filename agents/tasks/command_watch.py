@@ -2,8 +2,8 @@
 
 After a task was delegated to one platform its vehicles may obey another one, as is due: the alarm `commander` opens with the
 first successor that is obeyed, and closes when the delegate is obeyed again, or no platform is; the delegator hears it as progress
-of its task. `refused-commander` opens with what a platform asks for and may not, and closes after a minute without another
-attempt. Of one platform there is one alarm, however much it sends. While a platform has only just appeared, another one may not
+of its task. `refused-commander` opens with a request that a platform has no right to make, and closes after a minute
+without another attempt. Of one platform there is one alarm, however much it sends. While a platform has only just appeared, another one may not
 know yet that it is no successor any longer: such attempts are shown, and are no alarm. Times are the node clock.
 """
 
@@ -43,7 +43,7 @@ _TEXT: Final = 200
 
 @dataclass(slots=True)
 class Attempts:
-    """What one platform asked for and may not: the first of it, how often, since when, and the alarm about it, if there is one."""
+    """A platform's requests without the right to them: the first, how often, since when, and their alarm, if any."""
 
     what: str
     alarm: str
@@ -60,7 +60,7 @@ class Attempts:
 
 
 class EndedByRevocation(NamedTuple):
-    """What went by the word of a member that is revoked, and the alarm about it."""
+    """Tasks ended by the revocation of the member that delegated them, and the alarm about it."""
 
     shown: ConditionEntry
     alarm: str
@@ -101,8 +101,8 @@ class CommandWatch(Part):
             yield ended.shown
 
     def _on_revoked(self, unit: str, ended: tuple[str, ...], now_us: int) -> None:
-        """What goes by the word of a member ends here, since that member is revoked."""
-        text = f"{unit} is revoked, and what goes by its word ends: {', '.join(ended)}"
+        """Report that tasks and permits of a member have ended here, since that member is revoked."""
+        text = f"{unit} is revoked, and its tasks and permits end: {', '.join(ended)}"
         self._note(text[: 2 * _TEXT])
         self._end_shown(unit, now_us)
         alarm = f"{REVOKED}/{self._unit}/{unit}/{now_us}"

@@ -64,8 +64,8 @@ class TaskLife(Part):
     """The tasks of one platform in all their states; see the module.
 
     Args:
-        exports: what this platform exports, for whom.
-        role_of: what a unit may ask for.
+        exports: this platform's exports, with their receivers.
+        role_of: unit -> its role.
         authority: which platform may coordinate a task.
     """
 
@@ -96,7 +96,7 @@ class TaskLife(Part):
             Refused: it is that of another task; `too-many-tasks`: `asker` has as many here as it may.
         """
         if not conversation:
-            raise ContentError("what lasts needs a :conversation-id, in which it can be cancelled")
+            raise ContentError("a lasting task needs a :conversation-id, in which it can be cancelled")
         if conversation in self._tasks:
             raise Refused(f"conversation {conversation} is about another task; open one of your own", "other-task")
         owner, share_of = self._agent.acts.share_of(asker).owner, self._agent.acts.share_of
@@ -189,7 +189,7 @@ class TaskLife(Part):
         led.successor_at_us = None
 
     def step_down(self, led: CoordinatedTask, leader: str) -> None:
-        """Another coordinates the task: stay a participant. What we had asked for goes with the task."""
+        """Stay a participant of a task that another coordinates. Our earlier requests end with the task."""
         led.leader = leader
         for unit, conversations in led.members.items():
             led.former.setdefault(unit, []).extend(conversations)
@@ -298,7 +298,7 @@ class TaskLife(Part):
             self.bury(name, by)
 
     def bury(self, name: str, by: str) -> None:
-        """Put up a tombstone: what went by `name` ended on behalf of `by`, and no other sets it up again."""
+        """Set a tombstone: task `name` ended on behalf of `by`, and no other platform sets it up again."""
         self._ended[name] = by
         if len(self._ended) > TOMBSTONES:
             del self._ended[next(iter(self._ended))]
@@ -331,7 +331,7 @@ class TaskLife(Part):
         return ended is not None
 
     def on_tasks(self, act: Act, _content: Tasks, now_us: int) -> None:
-        """`(tasks)`: what users delegated, not the parts of it; and what others ended here of late."""
+        """`(tasks)`: the tasks that users delegated, without their parts; and tasks that others ended here of late."""
         entries = [self._entry(task) for task in self._tasks.values() if not task.is_part]
         entries += [
             TaskEntry(
@@ -381,7 +381,7 @@ class TaskLife(Part):
         return True
 
     def _on_forgotten(self, task: Task, now_us: int) -> None:
-        """Its requester had lost sight of this platform, and is back: it asks once more for what it still wants."""
+        """Await the requester of a part, which had lost this platform and is back, to repeat its request."""
         if task.is_part:
             self._until_us.pop(task.conversation, None)
             self._due.set(task.conversation, now_us + ABANDONED_US)

@@ -1,7 +1,7 @@
 """Monitors over the own vehicle and each aircraft that is no member: the profile `traffic-well-clear`, one state for both at a time.
 
-An altitude that is known within some metres only is taken as near our own as that allows, and one that is not known as our own. One
-whose velocity is not known is taken to stay where it is.
+An altitude that is known within some metres only is taken as near our own as that allows, and an unknown one as our own.
+An aircraft of unknown velocity is taken to stay where it is.
 """
 
 from collections.abc import Callable, Iterable
@@ -56,7 +56,7 @@ class AircraftWatch:
                 self._on_alarm(event)
 
     def end(self, name: str, now_us: int) -> None:
-        """An aircraft is no longer heard, or is none: its alarm ends, and what it does is unknown."""
+        """End the watch of an aircraft that is no longer heard, or is none: its alarm ends."""
         found = self._watched.pop(name, None)
         for event in found[0].end(now_us) if found else ():
             self._on_alarm(event)
