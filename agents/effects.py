@@ -72,7 +72,7 @@ class HostCame(NamedTuple):
     host: int
 
 
-class HostSaid(NamedTuple):
+class HostMessage(NamedTuple):
     """One message of a host; `TakeHost` says that the next may come."""
 
     at_us: int
@@ -123,7 +123,7 @@ class Impaired(NamedTuple):
     text: str
 
 
-HostEvent: TypeAlias = HostCame | HostSaid | HostLeft
+HostEvent: TypeAlias = HostCame | HostMessage | HostLeft
 Event: TypeAlias = (
     WireEvent
     | Reported

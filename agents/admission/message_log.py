@@ -17,7 +17,7 @@ from federation.messages.sexpr import Expr
 ACTS_A_PAGE = 25
 LONGEST_ACT = 2000
 LONGEST_OUTCOME = 400
-ACCOUNT: Final = Service("account", "account")
+AUDIT_LOG: Final = Service("account", "account")
 
 
 class MessageLog(Part):
@@ -25,7 +25,7 @@ class MessageLog(Part):
 
     offers = (
         Offer(
-            ACCOUNT,
+            AUDIT_LOG,
             (
                 Action(Acts, "on_subscribe", SUBSCRIBED, Role.OBSERVER),
                 Action(ActList, "on_act_list", QUERIED, Role.OBSERVER),

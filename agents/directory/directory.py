@@ -8,7 +8,7 @@ from datetime import UTC, datetime
 from typing import Final
 
 from agents.actions import FEDERATION, QUERIED, SUBSCRIBED, Action, Offer, Role
-from agents.admission.message_log import ACCOUNT
+from agents.admission.message_log import AUDIT_LOG
 from agents.directory.peer_conditions import PeerConditions
 from agents.effects import Halt, Impaired, LeaveRequested
 from agents.part import ClockCompared, Followed, Part, PeerChange, Within
@@ -25,7 +25,16 @@ from federation.members import liveness
 from federation.members.offers import LabelAppeared, LabelGone, Service, ServiceAppeared, ServiceGone, Visibility
 from federation.members.replicas import PlatformRefused
 from federation.messages.acts import Act, AgentName, Performative
-from federation.messages.contents import MAX_LIST, Content, Directory, DirectoryEvent, Found, Leave, Rejoin, Search
+from federation.messages.contents import (
+    MAX_LIST,
+    Content,
+    Directory,
+    DirectoryEvent,
+    Leave,
+    Rejoin,
+    Search,
+    SearchResult,
+)
 from federation.messages.descriptions import ConditionEntry
 from federation.transport import (
     Answered,
@@ -40,7 +49,7 @@ from federation.transport import (
     TokenChanged,
 )
 
-ASKED = 2
+MOST_QUERIED = 2
 """How many older platforms are queried for the platforms that they miss, which this one cannot know yet."""
 JOINING_US = 5_000_000
 """How long after its start a platform may still be refused."""
@@ -78,11 +87,11 @@ class DirectoryAgent(Part):
             ),
         ),
         Offer(
-            ACCOUNT,
+            AUDIT_LOG,
             MEMBERSHIP,
         ),
     )
-    answers = (DirectoryEvent, Found)
+    answers = (DirectoryEvent, SearchResult)
     arrivals = {"hb": "on_heartbeat", "x": "on_samples"}  # noqa: RUF012  (declarations)
     takes = {  # noqa: RUF012
         LeaveRequested: "on_leave_requested",
@@ -110,7 +119,7 @@ class DirectoryAgent(Part):
         self._subscribers = Subscribers(ports.agent, parts[TaskLife])
         self._members: tuple[str, ...] | None = None
         self._missing: dict[str, int] = {}
-        self._to_ask = ASKED
+        self._to_ask = MOST_QUERIED
         self._own: Followed = (self,)
         self._clocks: Followed = (Within(self, ports.member.offsets),)
         self._imports: Followed = (Within(self, ports.member.imports),)
@@ -285,7 +294,9 @@ class DirectoryAgent(Part):
         """`(search ...)`: platforms that provide a service or have a label; and which platforms are missing."""
         entries = self.facilitator.search(service=content.service, label=content.semantic_label)
         agents = tuple(str(AgentName("interface", entry.unit)) for entry in entries)[:MAX_LIST]
-        found = Found(agents=agents, missing_units=tuple(self._missing), missing_since=tuple(self._missing.values()))
+        found = SearchResult(
+            agents=agents, missing_units=tuple(self._missing), missing_since=tuple(self._missing.values())
+        )
         self._agent.answer(act, Performative.INFORM, found, now_us)
 
     def on_subscribe(self, act: Act, _content: Directory, now_us: int) -> None:
@@ -320,7 +331,7 @@ class DirectoryAgent(Part):
         self._to_ask -= 1
 
         def on_reply(act: Act, content: Content | None, at_us: int) -> None:
-            if not isinstance(content, Found):
+            if not isinstance(content, SearchResult):
                 return
             for name, since_us in zip(content.missing_units, content.missing_since, strict=False):
                 known = self.facilitator.entry(name)

@@ -263,11 +263,11 @@ class Pilot(CommandedVehicle):
             return []
         if aside is None and not self._flies_elsewhere(diversion):
             self.note("it is not known where the vehicle was going: it holds")
-        self._doubt(aside)
+        self._note_new_mission(aside)
         wanted = self._back_to(aside)
         return [] if wanted is None or self.refusal(wanted) is not None else [self._begin(wanted)]
 
-    def _doubt(self, aside: vehicle.Order | InterruptedMission | None) -> None:
+    def _note_new_mission(self, aside: vehicle.Order | InterruptedMission | None) -> None:
         """A mission that was begun in the second before the vehicle made room is not known: heartbeats come once a second."""
         items = [each for each in self.loaded if each.item == self._item] if self.missions else []
         if not isinstance(aside, vehicle.GoToOrder) or aside == self.standing or not items:

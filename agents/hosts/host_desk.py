@@ -7,7 +7,7 @@ end, their clients are notified, and they are served again when it or another of
 from collections.abc import Callable
 from typing import Final
 
-from agents.effects import DropHost, HostCame, HostEffect, HostEvent, HostLeft, HostSaid, TakeHost, TellHost
+from agents.effects import DropHost, HostCame, HostEffect, HostEvent, HostLeft, HostMessage, TakeHost, TellHost
 from agents.hosts.hosted import Host
 from dyknow.model.errors import DecodeError, DyknowError, LabelAlreadyExists, PrototypeExists, Refused
 from federation.hosts.codec import decode_from_host, encode
@@ -55,7 +55,7 @@ class HostDesk:
                 self._heard_us[number] = at_us
                 if len(self._heard_us) > MAX_HOSTS:
                     self._refuse(number, f"this platform takes at most {MAX_HOSTS} hosts")
-            case HostSaid(at_us, number, payload):
+            case HostMessage(at_us, number, payload):
                 self._out.append(TakeHost(number))
                 if number in self._heard_us:
                     self._heard_us[number] = at_us

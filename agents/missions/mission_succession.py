@@ -29,7 +29,7 @@ AFTER_US: Final = 1_500_000
 
 
 @dataclass(slots=True)
-class _Told:
+class _Informed:
     """At which steps of the plan each platform was informed of one mission that this one leads."""
 
     steps: dict[str, object] = field(default_factory=dict)
@@ -60,7 +60,7 @@ class MissionSuccession(Part):
     def __init__(self, ports: Ports, parts: PartRegistry) -> None:
         self._unit, self._agent, self._directory = ports.unit, ports.agent, ports.directory
         self._performing, self._leading, self._note = parts[Performing], parts[MissionLeading], ports.note
-        self._told: dict[str, _Told] = {}
+        self._told: dict[str, _Informed] = {}
         self._kept: _Kept | None = None
         self._due_us = 0
         parts[Authority].on_over.append(self._on_over)
@@ -78,7 +78,7 @@ class MissionSuccession(Part):
         if not others or led.mission is None:
             return
         steps = led.mission.status.replans, tuple(phase for _, _, _, phase, _ in led.mission.status.steps)
-        told = self._told.setdefault(name, _Told())
+        told = self._told.setdefault(name, _Informed())
         late = [each for each in sorted(others, key=unit_order) if told.steps.get(each) != steps]
         left = led.left(now_us) if late else None
         if left is None:

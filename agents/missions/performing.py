@@ -127,7 +127,7 @@ class Performing(Part):
     def on_permit(self, act: Act, content: PermitMission, now_us: int) -> None:
         """`(permit-mission ...)`: let platforms lead a mission with this vehicle."""
         permit = self._authority.delegated(act, content)
-        self._authority.permitted_anew(permit)
+        self._authority.permitted_again(permit)
         self.permits.permit(permit, now_us)
         self._pilot.awaited.expect(content.mission)
         self._agent.done(act, now_us)
@@ -185,7 +185,7 @@ class Performing(Part):
         self._pilot.end_mission(is_over=is_over and not self._is_released)
         if is_over:
             self.permits.end(joined.mission)
-        self._watch.obeys_nobody(now_us)
+        self._watch.obeys_none(now_us)
         self._show(now_us)
 
     def _left(self, now_us: int) -> tuple[str, ...]:

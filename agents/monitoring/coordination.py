@@ -226,7 +226,7 @@ class Coordination(Part):
             raise Refused("a monitor is created by its name alone, without profile or parameters", "contradiction")
         plan = self._plans.named(content.name, _us(content.sample_period_s), _us(content.delay_s))
         conversation = self._life.check_free(act.conversation_id, act.sender.unit)
-        asker, task = act.sender.unit, content.task
+        requester, task = act.sender.unit, content.task
         owner = conversation if task is None else task
         told = None if task is None else self._told(act, content, task, now_us)
         self._monitor([plan], owner, now_us)
@@ -234,10 +234,12 @@ class Coordination(Part):
             self._life.follow(act, told, plan, now_us)
 
         def take_down(at_us: int) -> tuple[str, ...]:
-            return self._leave(owner, plan.name, asker, at_us)
+            return self._leave(owner, plan.name, requester, at_us)
 
         name, is_part = contents.CreateMonitor.head, task is not None
-        self._life.add(Task(conversation, asker, name, take_down, since_us=now_us, is_part=is_part, monitor=plan.name))
+        self._life.add(
+            Task(conversation, requester, name, take_down, since_us=now_us, is_part=is_part, monitor=plan.name)
+        )
         self._agent.done(act, now_us)
         self._keeper.wake(now_us)
 
@@ -247,16 +249,16 @@ class Coordination(Part):
         Raises:
             Refused: it is not, or shows none.
         """
-        asker, generation = act.sender.unit, content.generation or 1
-        if content.coordinator not in {None, asker}:
-            raise Refused(f"monitors are set up by the coordinator {content.coordinator}, not {asker}", "role")
+        requester, generation = act.sender.unit, content.generation or 1
+        if content.coordinator not in {None, requester}:
+            raise Refused(f"monitors are set up by the coordinator {content.coordinator}, not {requester}", "role")
         evidence = self._authority.proven(act, task, (contents.MonitorProximity,), now_us)
         try:
-            self._life.check_claim(Claim(evidence, asker, act.boot, generation), now_us)
+            self._life.check_claim(Claim(evidence, requester, act.boot, generation), now_us)
         except Refused:
             self._renew(task, now_us)
             raise
-        return CoordinatedTask(evidence, (), asker, generation, act.boot)
+        return CoordinatedTask(evidence, (), requester, generation, act.boot)
 
     def on_remove_monitor(self, act: Act, content: contents.RemoveMonitor, now_us: int) -> None:
         """`(remove-monitor name: proximity)`: end what `create-monitor` set up; see `TaskLife.endable`.

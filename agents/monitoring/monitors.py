@@ -167,7 +167,7 @@ class UnitMonitors:
                 named.wake(monitor)
                 self._hasten()
 
-    def doubt(self, member: str, reason: str, now_us: int) -> None:
+    def suspect(self, member: str, reason: str, now_us: int) -> None:
         """The platform is gone or its clock is skewed: its inputs count as missing."""
         if member not in self._members or self._members[member] == reason:
             return

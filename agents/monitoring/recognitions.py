@@ -26,7 +26,7 @@ from reasoning.chronicles.definition.model import ChronicleFile
 TIMEOUT_S = 60.0
 MOST, MOST_OF_ONE = 16, 2
 """Requests for chronicles: of all members, and of one."""
-MOST_TOLD = 10_000
+MOST_REPORTED = 10_000
 LIMITS = RecognitionLimits(events=100_000, events_of_one_binding=1_000, waiting=10_000, found_at_once=1_000)
 
 
@@ -101,7 +101,7 @@ class Recognitions(Part):
         network, numbers = self._network, count(1)
 
         def on_recognised(instance: ChronicleInstance, prediction: Predicted | None, _at_us: int) -> None:
-            if next(numbers) <= MOST_TOLD:
+            if next(numbers) <= MOST_REPORTED:
                 self._inform(act, _said(instance, prediction))
 
         def on_fault(label: Label, said: str) -> None:
@@ -125,7 +125,7 @@ class Recognitions(Part):
             new = [each for name, each in now.items() if name not in expected]
             expected.update(now)
             for each in (*gone, *new):
-                if next(numbers) <= MOST_TOLD:
+                if next(numbers) <= MOST_REPORTED:
                     self._inform(act, each)
 
         partials = PartialWatch(network, watch, None, on_partials) if content.partial else None

@@ -57,7 +57,7 @@ LEAST_US, FREE_US = 1_500_000, 500_000
 TURN_US, NEAR_M = 1_000_000, 100.0
 """So much later than each one before it a vehicle flies on: that one has published its way by then."""
 CANNOT_US: Final = 5_000_000
-MOST_ASKED: Final = 2
+MOST_REFUSALS: Final = 2
 WAITS_US, ROUND_US, AFTER_US = 4_000_000, 2_000_000, 1_000_000
 """So long one stands where it has made room before it looks for a way round, so often, and later for each in its way that goes before by name."""
 OFTEN, OFTEN_US, MOST_COUNTED = 3, 120_000_000, 64
@@ -183,7 +183,7 @@ class SeparationLogic:
         ]
         made.awaited = set(asked)
         proposed: list[Step] = [Propose(unit, found) for unit in asked]
-        if not asked or seconds <= URGENT_S or self._refusals >= MOST_ASKED:
+        if not asked or seconds <= URGENT_S or self._refusals >= MOST_REFUSALS:
             return [*proposed, *self._begin(now.now_us, made)]
         made.before = manoeuvre
         self.manoeuvre = made

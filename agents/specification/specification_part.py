@@ -10,7 +10,7 @@ from functools import lru_cache, partial
 from typing import Any, Final
 
 from agents.calls.calls import Calls
-from agents.effects import Fed, FedTogether, HostCame, HostEvent, HostLeft, HostSaid, Specify, Tell, Waited
+from agents.effects import Fed, FedTogether, HostCame, HostEvent, HostLeft, HostMessage, Specify, Tell, Waited
 from agents.exchange.export_proxy import ExportProxy
 from agents.exchange.import_proxy import ImportProxy
 from agents.exchange.imported import ImportDemand, Imported, converting
@@ -89,7 +89,7 @@ class SpecificationPart(Part):
 
     takes = {  # noqa: RUF012  (a declaration)
         Specify: "on_specify", Fed: "on_fed", FedTogether: "on_fed_together", Waited: "on_waited",
-        HostCame: "on_host", HostSaid: "on_host", HostLeft: "on_host",
+        HostCame: "on_host", HostMessage: "on_host", HostLeft: "on_host",
     }  # fmt: skip
 
     def __init__(self, ports: Ports, parts: PartRegistry) -> None:

@@ -244,7 +244,7 @@ class Authority(Part):
         """Whether a task of that name, by whomever it was delegated, has ended here."""
         return task in self._ended_here or any(task in of_one for of_one in self._over.values())
 
-    def permitted_anew(self, found: TaskEvidence) -> None:
+    def permitted_again(self, found: TaskEvidence) -> None:
         """Forget that a task of that name is over: its delegator has permitted it once more."""
         self._ended_here.pop(found.task, None)
         self._over.get(found.delegator, {}).pop(found.task, None)

@@ -124,7 +124,7 @@ class CommandWatch(Part):
         is_delegate = word is None or leader in {word.delegate, word.delegator}
         had = self._commanded
         if had is not None and (is_delegate or (had.task, had.leader) != (word and word.task, leader)):
-            self.obeys_nobody(now_us)
+            self.obeys_none(now_us)
         if is_delegate or word is None or self._commanded is not None:
             return
         text = f"the vehicle obeys {leader} in {word.task}, and {word.delegator} delegated it to {word.delegate}"
@@ -136,7 +136,7 @@ class CommandWatch(Part):
         self._commanded = Commanded(word.task, leader, alarm)
         self._raise(alarm, "opened", COMMANDER, leader, now_us, task=word.task, delegate=word.delegate)
 
-    def obeys_nobody(self, now_us: int) -> None:
+    def obeys_none(self, now_us: int) -> None:
         """No mission has the vehicle."""
         had, self._commanded = self._commanded, None
         if had is not None:

@@ -88,23 +88,23 @@ class TaskLife(Part):
 
     # -- requested, running ------------------------------------------------------------------------------------
 
-    def check_free(self, conversation: str | None, asker: str = "") -> str:
+    def check_free(self, conversation: str | None, requester: str = "") -> str:
         """A lasting task needs a conversation of its own, in which it can be cancelled; returns it.
 
         Raises:
             ContentError: there is none.
-            Refused: it is that of another task; `too-many-tasks`: `asker` has as many here as it may.
+            Refused: it is that of another task; `too-many-tasks`: `requester` has as many here as it may.
         """
         if not conversation:
             raise ContentError("a lasting task needs a :conversation-id, in which it can be cancelled")
         if conversation in self._tasks:
             raise Refused(f"conversation {conversation} is about another task; open one of your own", "other-task")
-        owner, share_of = self._agent.acts.share_of(asker).owner, self._agent.acts.share_of
+        owner, share_of = self._agent.acts.share_of(requester).owner, self._agent.acts.share_of
         of_one = [each for each in self._tasks.values() if share_of(each.initiator).owner == owner]
         parts, asked = (sum(each.is_part is kind for each in of_one) for kind in (True, False))
-        most = OF_A_CENTRE if self._role_of(asker) is Role.COMMAND_CENTRE else OF_ONE
+        most = OF_A_CENTRE if self._role_of(requester) is Role.COMMAND_CENTRE else OF_ONE
         if asked >= most or parts >= PARTS_OF_ONE:
-            text = f"{asked} tasks of {asker} run here, and {parts} parts of others: cancel some (dyknow tasks)"
+            text = f"{asked} tasks of {requester} run here, and {parts} parts of others: cancel some (dyknow tasks)"
             raise Refused(text, "too-many-tasks")
         return conversation
 
@@ -248,7 +248,7 @@ class TaskLife(Part):
         task = self._tasks.pop(conversation, None)
         if task is None:
             return () if conversation in self._ended else None
-        self.bury(conversation, task.initiator)
+        self.set_tombstone(conversation, task.initiator)
         return tuple(task.take_down(now_us))
 
     def end_parts(self, now_us: int) -> None:
@@ -295,9 +295,9 @@ class TaskLife(Part):
         """Cancel a task on behalf of `by`, which does so in another conversation; its initiator is notified."""
         self._agent.end(task.conversation, task.initiator, f"cancelled by {by}", now_us)
         for name in self.cancel(task.conversation, now_us) or ():
-            self.bury(name, by)
+            self.set_tombstone(name, by)
 
-    def bury(self, name: str, by: str) -> None:
+    def set_tombstone(self, name: str, by: str) -> None:
         """Set a tombstone: task `name` ended on behalf of `by`, and no other platform sets it up again."""
         self._ended[name] = by
         if len(self._ended) > TOMBSTONES:
@@ -327,7 +327,7 @@ class TaskLife(Part):
         ended = self.cancel(conversation, now_us)
         if not is_given_up(act):
             for name in ended or ():
-                self.bury(name, unit)
+                self.set_tombstone(name, unit)
         return ended is not None
 
     def on_tasks(self, act: Act, _content: Tasks, now_us: int) -> None:
