@@ -95,7 +95,7 @@ class Bounds:
     def on_home(self, home: HomeReport, *, flying: bool) -> str | None:
         """Take a home over, or say why not: in flight it does not leap."""
         if not all(map(isfinite, home[1:])):
-            return "home is no place"
+            return "home: expected finite degrees and metres"
         known = self._last_home
         if flying and known is not None:
             level_m = distance_m(known.latitude_deg, known.longitude_deg, home.latitude_deg, home.longitude_deg)

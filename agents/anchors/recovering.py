@@ -229,9 +229,9 @@ class _Recovery:
         """The answer to its question; raises Refused: it is not open, or that is no answer."""
         looking = self.looking
         if not looking.question or number != looking.questions:
-            raise Refused("that question is not open", "no-question")
+            raise Refused(f"question {number} is not open", "no-question")
         if answer not in looking.question:
-            raise Refused(f"{answer!r} is no answer; answers are {', '.join(looking.question)}", "no-answer")
+            raise Refused(f"expected one of {', '.join(looking.question)}, got {answer!r}", "no-answer")
         self.say("answered", f"{by}: {answer}", now_us)
         looking.answer(answer, self._part.federation_us(now_us), now_us)
 

@@ -143,13 +143,15 @@ class Handover(Part):
             raise Refused("this platform has no picture: its specification does not export object-tracks", "no-picture")
         unit, level = content.unit, content.level
         if unit is not None and unit not in self._partners():
-            raise Refused(f"platform {unit} shares nothing", "no-partner")
+            partners = ", ".join(self._partners()) or "none"
+            raise Refused(f"platform {unit} shares nothing; platforms that do: {partners}", "no-partner")
         if level == "auto":
             self._fixed = {} if unit is None else {each: one for each, one in self._fixed.items() if each != unit}
         elif level is not None:
             for each in self._partners().values():
                 if each.unit == (unit or each.unit) and level not in {*each.levels, "none"}:
-                    raise Refused(f"platform {each.unit} offers {', '.join(sorted(each.levels))}", "not-offered")
+                    levels = ", ".join(sorted(each.levels))
+                    raise Refused(f"platform {each.unit}: expected none or {levels}, got {level}", "not-offered")
             self._fixed = {None: level} if unit is None else {**self._fixed, unit: level}
         if content.kbit_s is not None:
             self._kbit_s = content.kbit_s or None

@@ -35,7 +35,7 @@ def merge_mean(readings: Sequence[TrustedReading]) -> Reading | None:
 def merge_inverse_variance(readings: Sequence[TrustedReading]) -> Reading | None:
     """Each field weighed by trust over its variance; readings that state none are left out.
 
-    Nor is there a field of which one of the others states none, or one that no measurement has.
+    Fields without a variance in one of the others are left out, and fields that no measurement has.
     """
     stated = [each for each in _trusted(readings) if any(map(_weight, _variances(each[0]).values()))]
     return _merge(stated, lambda reading, field: _weight(_variances(reading).get(field)))

@@ -131,7 +131,7 @@ class CommandClaims(NamedTuple):
 
 def _unheard(status: vehicle.StatusReport | None, silent_us: int) -> str | None:
     if status is None:
-        return "the vehicle has not said in what state it is"
+        return "the vehicle has not reported its state"
     return f"no heartbeat for {silent_us / 1e6:.1f} s" if silent_us > HEARD_WITHIN_US else None
 
 

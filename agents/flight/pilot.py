@@ -127,7 +127,7 @@ class Pilot(CommandedVehicle):
         self.check(armed if is_armed else vehicle.SetGuided())
         self.claims.check(Commander.MISSION)
         if self.mission.name and self.mission.name != name:
-            raise Refused(f"mission {self.mission.name} has the vehicle", "mission")
+            raise Refused(f"mission {self.mission.name} has the vehicle: end it with dyknow mission abort", "mission")
         self.mission = self.awaited.joins(name)
 
     def end_mission(self, *, is_over: bool = True) -> None:
@@ -184,12 +184,12 @@ class Pilot(CommandedVehicle):
             return self.leg, self._before
         now_us, fix = self.now_us, self.fix
         if now_us < self.plan.start_us:
-            raise Refused(f"the plan begins in {(self.plan.start_us - now_us) / 1e6:.1f} s", "plan-not-begun")
+            raise Refused(f"the plan begins in {(self.plan.start_us - now_us) / 1e6:.1f} s: ask then", "plan-not-begun")
         if fix is None or now_us - fix.valid_us > HEARD_WITHIN_US:
             raise Refused("the vehicle's position is not known", FORBIDDEN)
         leg, wanted = self.plan.next_leg(self.leg, fix)
         if wanted is None:
-            raise Refused("the plan is over", "plan-over")
+            raise Refused("the plan is over: order a place (dyknow delegate goto)", "plan-over")
         return leg, wanted
 
     @property

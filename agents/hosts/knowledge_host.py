@@ -62,7 +62,7 @@ class KnowledgeHost:
         self, prototypes: Iterable[Prototype], pid: int, module: str, *, batch: int = 1, train: bool = False
     ) -> None:
         if not 1 <= batch <= MAX_BATCH:
-            raise ValueError(f"a batch has 1 to {MAX_BATCH} samples, got {batch}")
+            raise ValueError(f"batch: expected 1 to {MAX_BATCH} samples, got {batch}")
         self._prototypes = {prototype.name: prototype for prototype in prototypes}
         self._pid, self._module, self._batch, self._train = pid, module, batch, train
         self.reset()

@@ -29,7 +29,7 @@ class Scheduler(Generic[P, I]):
 
     def __init__(self, batch: int = 1, *, train: bool = False, bound: int = 4096) -> None:
         if not 1 <= batch <= bound:
-            raise ValueError(f"a batch has 1 to {bound} samples, got {batch}")
+            raise ValueError(f"batch: expected 1 to {bound} samples, got {batch}")
         self._batch, self._train, self._bound = batch, train, bound
         self._priorities: dict[P, int] = {}
         self._waiting: dict[P, deque[tuple[int, I]]] = {}

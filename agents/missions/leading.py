@@ -147,7 +147,7 @@ class MissionLeading(Part):
         self._check_free(content.mission)
         if self._origin() is None:
             raise Refused(
-                "the home of this platform's vehicle is not known, which is the origin of places", "no-origin"
+                "the home of this platform's vehicle, the origin of places, is not known yet: ask again", "no-origin"
             )
 
     def _check_free(self, mission: str) -> None:

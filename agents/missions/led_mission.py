@@ -203,10 +203,10 @@ class LedMission:
         asked = self.question
         if asked is None or asked.question != number:
             raise Refused(
-                "that question is not open" if asked is None else f"question {asked.question} is open", "no-question"
+                f"question {number} is not open; {'none' if asked is None else asked.question} is", "no-question"
             )
         if answer not in asked.options:
-            raise Refused(f"{answer!r} is no answer; answers are {', '.join(asked.options)}", "no-answer")
+            raise Refused(f"expected one of {', '.join(asked.options)}, got {answer!r}", "no-answer")
         self.take(events.QuestionAnswered(number, answer, by), now_us)
 
     def end(self, reason: str, now_us: int) -> None:

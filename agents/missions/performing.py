@@ -361,8 +361,10 @@ def checked(entries: Iterable[CommandEntry]) -> tuple[VehicleCommand, ...]:
                 f"no command {one.name} with {len(one.numbers)} numbers; there are {known}", "unknown-command"
             )
         if one.name == "goto" and not (abs(one.numbers[0]) <= 90 and abs(one.numbers[1]) <= 180):
-            raise Refused("goto: there is no such place", "unknown-command")
+            raise Refused(
+                f"goto: expected degrees on earth, got {one.numbers[0]:g}, {one.numbers[1]:g}", "unknown-command"
+            )
         if one.name == "wait" and not 0 <= one.numbers[0] <= LONGEST_WAIT_S:
-            raise Refused(f"wait: a vehicle waits at most {LONGEST_WAIT_S:g} s", "unknown-command")
+            raise Refused(f"wait: expected 0 to {LONGEST_WAIT_S:g} s, got {one.numbers[0]:g}", "unknown-command")
         found.append(VehicleCommand(one.name, tuple(one.numbers)))
     return tuple(found)

@@ -115,7 +115,7 @@ class Checks(Part):
     def on_when(self, act: Act, content: When, now_us: int) -> None:
         """`(when do: (create-multicast ...) condition: "gas[self] > 40")`: agree, and do it once that is true.
 
-        It is a task until then, and is done as if its requester had asked at that moment, in the same conversation:
+        It is a task until then, and is done as if it were requested at that moment, in the same conversation:
         limits and roles are those of then. It fails when the time is over.
 
         Raises:
@@ -124,8 +124,8 @@ class Checks(Part):
         """
         if content.do.head not in LATER:
             raise Refused(
-                f"({content.do.head} ...) is not done on a condition, unattended: only what can be cancelled is, "
-                f"{', '.join(sorted(LATER))}; follow the condition (dyknow alarms --follow) and ask then",
+                f"on a condition, unattended: expected a request that can be cancelled, {', '.join(sorted(LATER))}, got "
+                f"({content.do.head} ...); follow the condition (dyknow alarms --follow) and request it then",
                 "not-in-advance",
             )
         read(content.do)

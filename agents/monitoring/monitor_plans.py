@@ -162,10 +162,12 @@ class PlanBook:
         if profile.sample_us % self._grid_us or profile.sample_us <= 0:
             period, grid = print_duration(profile.sample_us), print_duration(self._grid_us)
             raise Refused(
-                f"a period of {period} is no multiple of {grid}, the period of this platform's estimates", "period"
+                f"period: expected a multiple of {grid}, the period of this platform's estimates, got {period}",
+                "period",
             )
         if profile.max_delay_us > MAX_DELAY_US:
-            raise Refused(f"a monitor waits for late samples {print_duration(MAX_DELAY_US)} at most", "too-long")
+            most, delay = print_duration(MAX_DELAY_US), print_duration(profile.max_delay_us)
+            raise Refused(f"delay for late samples: expected at most {most}, got {delay}", "too-long")
 
     def prepare(self) -> None:
         """Read what tasks usually take, so that the first one is not slowed by it."""

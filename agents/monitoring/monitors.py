@@ -287,7 +287,9 @@ class UnitMonitors:
     def _begin(self, named: NamedMonitor, member: str, now_us: int) -> None:
         plan = named.plan
         if self._count >= MAX_INSTANCES:
-            raise Refused(f"this platform keeps {MAX_INSTANCES} monitors already", "too-many")
+            raise Refused(
+                f"this platform keeps {MAX_INSTANCES} monitors already; end a task (dyknow tasks)", "too-many"
+            )
         key = (self.unit, member) if member else (self.unit,)
         maker = StateMaker(plan, member, self.unit)
         for label, unit in (*maker.shared, *maker.own):

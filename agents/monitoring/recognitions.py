@@ -64,7 +64,7 @@ class Recognitions(Part):
         """
         conversation = self._tasks.check_free(act.conversation_id, act.sender.unit)
         if conversation in self._open or conversation in self._parsing:
-            raise Refused(f"conversation {conversation} is about other chronicles", "other-task")
+            raise Refused(f"conversation {conversation} is about other chronicles; open one of your own", "other-task")
         self._check_room(act.sender.unit)
 
         def on_parsed(reading: TextReading[ChronicleFile], federation_us: int) -> None:
@@ -175,7 +175,7 @@ def _read(text: str) -> ChronicleFile:
     """
     found = parse_chronicles(text)
     if not found.chronicles:
-        raise Refused("there is no chronicle in the text", "text")
+        raise Refused("text: expected at least one chronicle, got none", "text")
     try:
         Recogniser.of(found)
     except ChronicleError as wrong:

@@ -37,7 +37,7 @@ class AvoidAnswers:
             raise Refused("this platform does not know where it is", "no-position")
         legs = legs_of(content.legs)
         if legs is None:
-            raise Refused("legs are no places; write latitude,longitude,altitude;...", "no-places")
+            raise Refused("legs: expected places; write latitude,longitude,altitude;...", "no-places")
         if not own.is_airborne:
             raise Refused("the vehicle is on the ground or not armed", "grounded")
         known = self._neighbourhood.others.by_unit.get(other)

@@ -133,7 +133,9 @@ class SpecificationChanges(Part):
         number, held = content.number, self._instance.configurations
         if number >= len(held):
             raise Refused(
-                f"there are {len(held)} configurations, counted from 0; there is none of number {number}",
+                f"configuration: expected a number from 0 to {len(held) - 1}, got {number}"
+                if held
+                else "this platform was given no specification",
                 "unknown-number",
             )
         text = SourceText("", f"configuration {number}")

@@ -111,7 +111,8 @@ class Authority(Part):
         found = _evidence(act, content, act.original)
         self._check_role(found)
         if len(found.payload) > MAX_EVIDENCE:
-            raise Refused(f"the request has more than {MAX_EVIDENCE} bytes, and others must see it", "too-long")
+            size = len(found.payload)
+            raise Refused(f"request to pass on: expected at most {MAX_EVIDENCE} bytes, got {size}", "too-long")
         return found
 
     def proven(self, act: Act, task: str, kinds: tuple[type[Content], ...], now_us: int) -> TaskEvidence:

@@ -283,13 +283,13 @@ class TaskLife(Part):
         if own:
             return own
         if not fitting:
-            raise Refused(f"{what} was not asked for here", "unknown-task")
+            raise Refused(f"{what} is no task here; dyknow tasks lists them", "unknown-task")
         of_people = [task for task in fitting if not task.is_part]
         if of_people and self._role_of(unit) is Role.COMMAND_CENTRE:
             return of_people
         initiators = ", ".join(sorted({task.initiator for task in fitting}))
         remedy = "they, or a command centre, may end it" if of_people else "cancel the task that it is part of"
-        raise Refused(f"{what} was asked for by {initiators}: {remedy}", "role")
+        raise Refused(f"{what} was requested by {initiators}: {remedy}", "role")
 
     def end(self, task: Task, by: str, now_us: int) -> None:
         """Cancel a task on behalf of `by`, which does so in another conversation; its initiator is notified."""
@@ -316,9 +316,7 @@ class TaskLife(Part):
             return True
         if task is not None and task.initiator != unit:
             if self._role_of(unit) is not Role.COMMAND_CENTRE:
-                raise Refused(
-                    f"only {task.initiator}, who asked for it, or a command centre may end {conversation}", "role"
-                )
+                raise Refused(f"only its requester {task.initiator} or a command centre may end {conversation}", "role")
             self._agent.end(conversation, task.initiator, f"cancelled by {unit}", now_us)
         led = self.coordinated.get(conversation)
         if led is not None and led.leader != self._unit:

@@ -31,7 +31,7 @@ class AircraftWatch:
         self._unit, self._profile, self._on_alarm = unit, profile, on_alarm
         split = split_growing(profile_formula(profile, unit))
         if split is None or split[1].base != AIRCRAFT:
-            raise UnitError(f"{profile.name}: its formula is always forall other in {AIRCRAFT} growing: ...")
+            raise UnitError(f"{profile.name}: expected a formula always forall other in {AIRCRAFT} growing: ...")
         self._variable, _, self._body = split
         self._watched: dict[str, tuple[Monitor, Derivation]] = {}
 
