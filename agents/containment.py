@@ -94,7 +94,7 @@ class Containment:
         self._lately_us: dict[str, list[int]] = {}
         self._refused_us: dict[str, int] = {}
         self.is_news = False
-        self._said: tuple[str, ...] = ()
+        self._announced: tuple[str, ...] = ()
         self._announced_us: int | None = None
 
     # -- what raises -------------------------------------------------------------------------------------------
@@ -110,7 +110,7 @@ class Containment:
         self.failures[where.partition(" of ")[0]] += 1
         found = self.impaired.get(where)
         if found is None:
-            found = self.impaired[where] = Impairment(_said(where, error), over, now_us, now_us)
+            found = self.impaired[where] = Impairment(_description(where, error), over, now_us, now_us)
             _bound(self.impaired)
             about = f", over messages of {over}" if over else ""
             self._note(f"impaired: {found.text}{about}; its current operation is ended, the rest continues")
@@ -209,10 +209,10 @@ class Containment:
     @property
     def deadline_us(self) -> int | None:
         """When what is shown is to be announced, or changes by time; None: nothing is impaired."""
-        if not self.impaired and not self._refused_us and not self._said:
+        if not self.impaired and not self._refused_us and not self._announced:
             return None
         ends_us = [found.last_us + QUIET_US for found in self.impaired.values()] + list(self._refused_us.values())
-        if self._announced_us is None or self._texts() != self._said:
+        if self._announced_us is None or self._texts() != self._announced:
             ends_us.append(0 if self._announced_us is None else self._announced_us + OFFER_US)
         return min(ends_us, default=None)
 
@@ -226,9 +226,9 @@ class Containment:
             del self._refused_us[unit]
             self._note(f"acts of {unit} are let in again")
         texts = self._texts()
-        if texts == self._said or (self._announced_us is not None and now_us < self._announced_us + OFFER_US):
+        if texts == self._announced or (self._announced_us is not None and now_us < self._announced_us + OFFER_US):
             return False
-        self._said, self._announced_us = texts, now_us
+        self._announced, self._announced_us = texts, now_us
         return True
 
     def _texts(self) -> tuple[str, ...]:
@@ -269,7 +269,7 @@ def place_of(do: Callable[..., object]) -> str:
     return str(getattr(do, "__qualname__", type(do).__name__)).replace(".<locals>", "")
 
 
-def _said(where: str, error: Exception) -> str:
+def _description(where: str, error: Exception) -> str:
     """Place, type and text of an error, unprintable characters replaced: the text may quote a message."""
     try:
         words = str(error)

@@ -242,14 +242,14 @@ class Platform:
 
     def _labels(self) -> Sequence[LabelEntry]:
         """The semantic labels of all parts: of two of one name, that of the later part."""
-        return tuple({entry.label: entry for part in self.parts for entry in self._said(part.labels)}.values())
+        return tuple({entry.label: entry for part in self.parts for entry in self._declared_by(part.labels)}.values())
 
     def _conditions(self) -> Sequence[ConditionEntry]:
         """The conditions for the description, impairments first, as many as it has room for."""
-        found = [entry for part in self.parts for entry in self._said(part.conditions)]
+        found = [entry for part in self.parts for entry in self._declared_by(part.conditions)]
         return (*self.containment.conditions(), *found)[:MAX_CONDITIONS]
 
-    def _said(self, say: Callable[[], Iterable[E]]) -> tuple[E, ...]:
+    def _declared_by(self, say: Callable[[], Iterable[E]]) -> tuple[E, ...]:
         """The labels or conditions of a part, empty if it raises."""
         try:
             return tuple(say())

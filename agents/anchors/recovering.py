@@ -383,5 +383,5 @@ class RecoveringAnchors(Part):
         self._emit(Tell({"event": "anchor", "symbol": symbol, "what": kind, "text": text, "at_us": now_us}))
         self._note(f"anchor {symbol}: {kind}: {text}"[:400])
         if self._directory.is_present(unit):
-            told = Progress(step=f"{kind}: {text}"[:1000], unit=self.unit)
-            self._agent.tell(unit, told, now_us, conversation=wanted.task.conversation)
+            progress = Progress(step=f"{kind}: {text}"[:1000], unit=self.unit)
+            self._agent.tell(unit, progress, now_us, conversation=wanted.task.conversation)

@@ -235,7 +235,7 @@ class Scanning(Part):
             self._joined = ""
             self._performing.leave(now_us, is_over=self.scan is None)
 
-    # -- what is told ------------------------------------------------------------------------------------------
+    # -- reports -----------------------------------------------------------------------------------------------
 
     def _tell(self, scan: _Scan, federation_us: int, now_us: int) -> None:
         valid_us = federation_us // PERIOD_US * PERIOD_US

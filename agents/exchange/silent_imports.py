@@ -76,9 +76,9 @@ class SilentImports(Part):
         if self._importer.is_of_objects(label):
             policy = Policy(max_delay_us=policy.max_delay_us)  # states of objects lie on no grid
 
-        def on_reply(reply: Act, said: Content | None, at_us: int) -> None:
-            if reply.performative is Performative.INFORM and isinstance(said, Samples) and said.samples:
-                cause = cause_in(said.samples[-1], policy)
+        def on_reply(reply: Act, content: Content | None, at_us: int) -> None:
+            if reply.performative is Performative.INFORM and isinstance(content, Samples) and content.samples:
+                cause = cause_in(content.samples[-1], policy)
                 if cause and name in self._asked:
                     text = f"no sample of {label} comes from platform {owner}: {cause}"
                     self._causes[name] = ConditionEntry(text=text[:200], since_us=at_us)

@@ -207,7 +207,7 @@ class SubscriptionKeeper(Part):
         def is_held() -> bool:
             return bool(asked) and asked[0] in self._open.get(batch.unit, ())
 
-        def on_reply(reply: Act, _said: Content | None, at_us: int) -> None:
+        def on_reply(reply: Act, _content: Content | None, at_us: int) -> None:
             if reply.performative is Performative.AGREE:
                 self._agreed(batch, at_us)
             elif reply.performative is Performative.FAILURE and is_held():

@@ -82,7 +82,7 @@ class Pilot(CommandedVehicle):
 
     def _errand(self, order: vehicle.Order) -> Errand:
         tells, mode = self.targets.tells(self.now_us), "" if self.status is None else self.status.mode
-        before = self.targets.told if tells else None
+        before = self.targets.reported if tells else None
         return Errand(self.numbered(order), self.now_us, self.fix, tells, before, mode)
 
     # -- orders ------------------------------------------------------------------------------------------------

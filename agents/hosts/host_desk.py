@@ -111,11 +111,11 @@ class HostDesk:
         host = self._hosts.get(number)
         self._instance.network.now_us = max(self._instance.network.now_us, federation_us)
         try:
-            said = decode_from_host(payload)
+            message = decode_from_host(payload)
             if host is None:
-                self._register(number, said, federation_us)
+                self._register(number, message, federation_us)
             elif host.present or self._offer(host, federation_us):
-                self._on_said(host, said, federation_us)
+                self._on_message(host, message, federation_us)
         except DecodeError as wrong:
             self.malformed += 1
             self._note(
@@ -124,10 +124,10 @@ class HostDesk:
             self._drop(number)
             self._forget(number, federation_us)
 
-    def _on_said(self, host: Host, said: FromHost, federation_us: int) -> None:
-        match said:
+    def _on_message(self, host: Host, message: FromHost, federation_us: int) -> None:
+        match message:
             case HostOutput():
-                host.on_made(said, federation_us)
+                host.on_made(message, federation_us)
             case HostFault(number, text):
                 process = host.processes.get(number)
                 if process is not None:
@@ -137,12 +137,12 @@ class HostDesk:
             case Register():
                 raise DecodeError("registered twice")
 
-    def _register(self, number: int, said: FromHost, federation_us: int) -> None:
-        if not isinstance(said, Register):
+    def _register(self, number: int, message: FromHost, federation_us: int) -> None:
+        if not isinstance(message, Register):
             raise DecodeError("not registered")
-        host = self._hosts[number] = Host(number, said, self._instance.unit)
+        host = self._hosts[number] = Host(number, message, self._instance.unit)
         if self._offer(host, federation_us):
-            names = [*(each.name for each in said.units), *(each.name for each in said.sources)]
+            names = [*(each.name for each in message.units), *(each.name for each in message.sources)]
             self._note(f"{host.name} offers {', '.join(names)[:MAX_NOTE]}")
 
     def _offer(self, host: Host, federation_us: int) -> bool:

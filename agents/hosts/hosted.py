@@ -35,12 +35,12 @@ class Host:
 
     Args:
         number: of the connection.
-        said: its registration.
+        registration: its registration message.
         unit: of the platform, for the labels of the host's stream generators.
     """
 
-    def __init__(self, number: int, said: messages.Register, unit: str) -> None:
-        self.number, self.said = number, said
+    def __init__(self, number: int, registration: messages.Register, unit: str) -> None:
+        self.number, self.registration = number, registration
         self.present = False
         self.dropped = self.dropped_there = 0
         self.processes: dict[int, HostedProcess] = {}
@@ -52,14 +52,14 @@ class Host:
         self._processes_begun = self._serial = 0
         self._sorts = {
             each.name: Sort(each.name, tuple(Field(*part) for part in each.fields), unit=each.unit)
-            for each in said.sorts
+            for each in registration.sorts
         }
-        if len(self._sorts) < len(said.sorts):
+        if len(self._sorts) < len(registration.sorts):
             raise DecodeError("duplicate sort")
         self.prototypes: list[Prototype] = [
-            *map(self._unit, said.units), *(self._source(each) for each in said.sources if not each.label)
+            *map(self._unit, registration.units), *(self._source(each) for each in registration.sources if not each.label)
         ]  # fmt: skip
-        labelled = [each for each in said.sources if each.label]
+        labelled = [each for each in registration.sources if each.label]
         self.own = {_own_label(each.label, unit): self._source(each) for each in labelled}
         if len(self.own) < len(labelled):
             raise DecodeError("duplicate label")
@@ -67,7 +67,7 @@ class Host:
     @property
     def name(self) -> str:
         """Name in notes to the user."""
-        return f"host {self.said.pid} ({self.said.module})"
+        return f"host {self.registration.pid} ({self.registration.module})"
 
     @property
     def is_owing(self) -> bool:
@@ -97,7 +97,7 @@ class Host:
 
     def flush(self) -> list[bytes]:
         """Take all messages for the host."""
-        if self.said.train:
+        if self.registration.train:
             self._chain()
         due, self.due = self.due, {}
         for process in due:

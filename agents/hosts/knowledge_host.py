@@ -147,7 +147,7 @@ class KnowledgeHost:
         working = self._working.get(process)
         if working is not None:
             self._work(process, working, item, now_us)
-        return [] if self._scheduler.acting else self._said()
+        return [] if self._scheduler.acting else self._pending()
 
     def _work(self, process: int, working: _Working, item: _Item, now_us: int) -> None:
         working.taken += item.counted
@@ -172,16 +172,16 @@ class KnowledgeHost:
     def _following(self, process: int, sample: Sample) -> list[tuple[int, _Item]]:
         return [(each, _Item(i, sample, False, False)) for each, i in self._followers.get(process, ())]
 
-    def _said(self) -> list[messages.FromHost]:
-        said: list[messages.FromHost] = [
+    def _pending(self) -> list[messages.FromHost]:
+        pending: list[messages.FromHost] = [
             messages.HostOutput(process, self._working[process].taken, serial, past, tuple(samples))
             for (process, serial, past), samples in self._made.items()
             if process in self._working
         ]
         self._made = {}
-        said += self._faults
+        pending += self._faults
         self._faults = []
-        return said
+        return pending
 
     def _begin(self, begin: messages.Begin) -> list[HostStep]:
         prototype, process = self._prototypes.get(begin.prototype), begin.process

@@ -371,8 +371,8 @@ class MissionLeading(Part):
             self._note_of(f"mission {order.name}: {kind}: {text}"[:400])
         delegator = order.act.sender.unit
         if self._directory.is_present(delegator):
-            told = Progress(step=f"{kind}: {text}"[:1000], unit=self._unit)
-            self._agent.tell(delegator, told, now_us, conversation=order.conversation)
+            progress = Progress(step=f"{kind}: {text}"[:1000], unit=self._unit)
+            self._agent.tell(delegator, progress, now_us, conversation=order.conversation)
 
     def ended(self, led: LedMission, effect: events.MissionEnded, now_us: int) -> None:
         """It is over: tell its delegator, and free what it has."""

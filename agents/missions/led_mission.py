@@ -175,7 +175,7 @@ class LedMission:
         if self._locates:
             self._sights.need(now_us, wanted=True)
 
-    # -- told --------------------------------------------------------------------------------------------------
+    # -- reports -----------------------------------------------------------------------------------------------
 
     def take(self, event: events.MissionEvent, now_us: int) -> None:
         """Something happened."""

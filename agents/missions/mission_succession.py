@@ -60,7 +60,7 @@ class MissionSuccession(Part):
     def __init__(self, ports: Ports, parts: PartRegistry) -> None:
         self._unit, self._agent, self._directory = ports.unit, ports.agent, ports.directory
         self._performing, self._leading, self._note = parts[Performing], parts[MissionLeading], ports.note
-        self._told: dict[str, _Informed] = {}
+        self._informed: dict[str, _Informed] = {}
         self._kept: _Kept | None = None
         self._due_us = 0
         parts[Authority].on_over.append(self._on_over)
@@ -78,8 +78,8 @@ class MissionSuccession(Part):
         if not others or led.mission is None:
             return
         steps = led.mission.status.replans, tuple(phase for _, _, _, phase, _ in led.mission.status.steps)
-        told = self._told.setdefault(name, _Informed())
-        late = [each for each in sorted(others, key=unit_order) if told.steps.get(each) != steps]
+        informed = self._informed.setdefault(name, _Informed())
+        late = [each for each in sorted(others, key=unit_order) if informed.steps.get(each) != steps]
         left = led.left(now_us) if late else None
         if left is None:
             return
@@ -87,11 +87,11 @@ class MissionSuccession(Part):
         for unit in late:
             content = KeepMission(
                 mission=name, delegator=led.order.act.sender.unit, conversation=led.order.conversation, problem=problem,
-                domain="" if unit in told.steps else domain, platforms=dict(led.texts.platforms),
+                domain="" if unit in informed.steps else domain, platforms=dict(led.texts.platforms),
                 chain=led.order.chain, timeout_s=led.order.timeout_us / 1e6,
             )  # fmt: skip
             self._agent.tell(unit, content, now_us)
-            told.steps[unit] = steps
+            informed.steps[unit] = steps
 
     # -- as its successor --------------------------------------------------------------------------------------
 
@@ -107,9 +107,9 @@ class MissionSuccession(Part):
 
     def on_peer(self, change: PeerChange, now_us: int) -> None:
         """A leader is gone, or is back."""
-        for told in self._told.values():
+        for informed in self._informed.values():
             if isinstance(change, PlatformGone | PlatformAppeared):
-                told.steps.pop(change.unit, None)
+                informed.steps.pop(change.unit, None)
         kept = self._kept
         if kept is None:
             return
@@ -202,7 +202,7 @@ class MissionSuccession(Part):
         if now_us < self._due_us:
             return
         self._due_us = now_us + PERIOD_US
-        for name in self._told.keys() - self._leading.led.keys():
-            del self._told[name]
+        for name in self._informed.keys() - self._leading.led.keys():
+            del self._informed[name]
         for name, led in self._leading.led.items():
             self._tell(name, led, now_us)

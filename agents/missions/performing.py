@@ -263,8 +263,8 @@ class Performing(Part):
         commands = checked(content.commands)
 
         def answer(why: str, at_us: int) -> None:
-            told = Performed(step=content.step, failure=why[:1000])
-            self._agent.tell(act.sender.unit, told, at_us, conversation=joined.conversation)
+            performed = Performed(step=content.step, failure=why[:1000])
+            self._agent.tell(act.sender.unit, performed, at_us, conversation=joined.conversation)
 
         self._agent.done(act, now_us)
         self.perform(content.action, commands, answer, now_us)

@@ -270,7 +270,7 @@ class Checks(Part):
             return
         decided = verdict != "undecided"
         silent, text = made.silent, print_specification(made.declarations("check"))
-        said = Verdict(
+        verdict_content = Verdict(
             verdict=verdict,
             valid_us=check.valid_us if decided else None,
             index=check.states - 1 if decided else None,
@@ -280,7 +280,7 @@ class Checks(Part):
             states=text if len(text) <= LONGEST_STATES else "",
         )
         self._drop(conversation)
-        self._agent.answer(check.act, Performative.INFORM, said, now_us)
+        self._agent.answer(check.act, Performative.INFORM, verdict_content, now_us)
 
     def _do(self, conversation: str, check: Check, when: When, now_us: int) -> None:
         """The condition is true: the request comes in as any other. Or time is over."""

@@ -49,7 +49,7 @@ class Coordination(Part):
                 MONITOR_PROXIMITY,
                 CREATE_MONITOR,
                 REMOVE_MONITOR,
-                Action(contents.Alarm, "on_told", INFORMED),
+                Action(contents.Alarm, "on_reported_alarm", INFORMED),
                 Action(contents.Progress, "on_progress", INFORMED),
                 Action(contents.HandOver, "on_hand_over", INFORMED),
             ),
@@ -228,10 +228,10 @@ class Coordination(Part):
         conversation = self._life.check_free(act.conversation_id, act.sender.unit)
         requester, task = act.sender.unit, content.task
         owner = conversation if task is None else task
-        told = None if task is None else self._told(act, content, task, now_us)
+        led = None if task is None else self._led_by_sender(act, content, task, now_us)
         self._monitor([plan], owner, now_us)
-        if told is not None:
-            self._life.follow(act, told, plan, now_us)
+        if led is not None:
+            self._life.follow(act, led, plan, now_us)
 
         def take_down(at_us: int) -> tuple[str, ...]:
             return self._leave(owner, plan.name, requester, at_us)
@@ -243,7 +243,7 @@ class Coordination(Part):
         self._agent.done(act, now_us)
         self._keeper.wake(now_us)
 
-    def _told(self, act: Act, content: contents.CreateMonitor, task: str, now_us: int) -> CoordinatedTask:
+    def _led_by_sender(self, act: Act, content: contents.CreateMonitor, task: str, now_us: int) -> CoordinatedTask:
         """The task whose coordinator the sender is, by the evidence that it shows.
 
         Raises:
@@ -362,7 +362,7 @@ class Coordination(Part):
             if self._directory.is_present(unit):
                 self._agent.tell(unit, alarm, now_us)
 
-    def on_told(self, act: Act, alarm: contents.Alarm, now_us: int) -> None:
+    def on_reported_alarm(self, act: Act, alarm: contents.Alarm, now_us: int) -> None:
         """`(alarm ...)`: a participant of a task we coordinate raised it; alarms of others our own monitors see, too.
 
         An alarm that no other of its units raises is passed on once more, as the report of that participant alone.

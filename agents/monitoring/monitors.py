@@ -395,6 +395,6 @@ class UnitMonitors:
 
 
 def _marked(event: AlarmEvent, taps: Iterable[tuple[Tap, Feed]]) -> AlarmEvent:
-    """The event; of a state that rests on predictions with when the oldest of them was made."""
+    """The event, with the time of the oldest prediction that its state is computed from, if any."""
     made_us = [tap.made_us[event.valid_us] for tap, _ in taps if event.valid_us in tap.made_us]
     return event._replace(made_us=min(made_us)) if made_us else event

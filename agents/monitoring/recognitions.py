@@ -102,10 +102,10 @@ class Recognitions(Part):
 
         def on_recognised(instance: ChronicleInstance, prediction: Predicted | None, _at_us: int) -> None:
             if next(numbers) <= MOST_REPORTED:
-                self._inform(act, _said(instance, prediction))
+                self._inform(act, _recognised(instance, prediction))
 
-        def on_fault(label: Label, said: str) -> None:
-            self._inform(act, Reason(text=f"{label}: {said}"[:1000]))
+        def on_fault(label: Label, text: str) -> None:
+            self._inform(act, Reason(text=f"{label}: {text}"[:1000]))
 
         def refusal(label: Label) -> str:
             stream = network.behind(label)
@@ -132,9 +132,9 @@ class Recognitions(Part):
         self._open[conversation] = Open(act, watch, partials)
         self._deadlines.set(conversation, now_us + round((content.timeout_s or TIMEOUT_S) * US_PER_S))
 
-    def _inform(self, act: Act, said: Content) -> None:
+    def _inform(self, act: Act, content: Content) -> None:
         """At the time at which the streams are."""
-        self._agent.answer(act, Performative.INFORM, said, self._clock.wall_us(self._network.now_us))
+        self._agent.answer(act, Performative.INFORM, content, self._clock.wall_us(self._network.now_us))
 
     def on_cancel(self, act: Act, now_us: int) -> bool:
         return self.on_lost(act, now_us)
@@ -183,7 +183,7 @@ def _read(text: str) -> ChronicleFile:
     return found
 
 
-def _said(instance: ChronicleInstance, prediction: Predicted | None) -> Recognised:
+def _recognised(instance: ChronicleInstance, prediction: Predicted | None) -> Recognised:
     return Recognised(
         chronicle=instance.chronicle,
         bindings=dict(instance.bindings),

@@ -57,7 +57,7 @@ class AvoidAnswers:
     def _take(self, other: str, because: str, legs: tuple[IntendedPlace, ...], now: Situation) -> str:
         """It leaves the meeting to us, if there is one on the way that it flies on."""
         known = self._neighbourhood.others.by_unit[other]
-        if known.said:
+        if known.has_intent:
             known.intent = known.intent._replace(rank=RightOfWay.CANNOT, legs=legs)
         now = now._replace(traffic=self._view.traffic_now(now))
         if self._logic.avoids(other):
@@ -85,7 +85,7 @@ class AvoidAnswers:
         )
         if self._is_met(proposed, now):
             raise Refused(f"it meets the way of {self._unit}", "not-free")
-        if known.said:  # else its positions stand for it: it has no intent, or one that they contradict
+        if known.has_intent:  # else its positions stand for it: it has no intent, or one that they contradict
             known.intent = proposed
         return f"{other} makes room"
 

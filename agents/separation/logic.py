@@ -179,7 +179,7 @@ class SeparationLogic:
         asked = [
             unit
             for unit in sorted(mine)
-            if now.neighbours[unit].said and not now.neighbours[unit].is_silent(now.now_us)
+            if now.neighbours[unit].has_intent and not now.neighbours[unit].is_silent(now.now_us)
         ]
         made.awaited = set(asked)
         proposed: list[Step] = [Propose(unit, found) for unit in asked]

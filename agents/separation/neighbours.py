@@ -53,7 +53,7 @@ class Neighbour:
 
     Attributes:
         intent: its newest word; heard_us: when that, or its position, came.
-        said: whether it is taken by an intent of its own; False: by its positions.
+        has_intent: whether it is taken by an intent of its own; False: by its positions.
         contradicted: how many looks its positions have contradicted its intent; belied_us: when its positions last
         contradicted its intent; it is taken by them until that is `CREDIBLE_US` ago.
         leapt_us: when it was last somewhere where no vehicle gets so fast; the intent before stands then.
@@ -66,7 +66,7 @@ class Neighbour:
     unit: str
     intent: Intent
     heard_us: int
-    said: bool = True
+    has_intent: bool = True
     leapt_us: int | None = None
     belied_us: int | None = None
     contradicted: int = 0
@@ -88,7 +88,7 @@ class Neighbour:
 
     def rank(self, now_us: int) -> RightOfWay:
         """Its right of way: a vehicle that is silent, or has published no intent, cannot be requested to yield."""
-        if not self.said or self.cannot or self.is_silent(now_us) or self.leapt_us is not None:
+        if not self.has_intent or self.cannot or self.is_silent(now_us) or self.leapt_us is not None:
             return RightOfWay.CANNOT
         return self.intent.rank
 
@@ -183,7 +183,7 @@ class Neighbours:
         if known is not None and known.belied_us is not None and now_us - known.belied_us < CREDIBLE_US:
             known.candidate = intent
             return None
-        if known is None or not known.said:
+        if known is None or not known.has_intent:
             self._put(Neighbour(unit, intent, now_us))
             self.by_unit[unit].say(intent, now_us)
             return None
@@ -223,11 +223,13 @@ class Neighbours:
         if known is None and not is_fresh:
             return None
         if known is not None:
-            if is_fresh and (known.said or known.candidate is not None):
+            if is_fresh and (known.has_intent or known.candidate is not None):
                 problem = contradiction(known.candidate or known.intent, fix)
-                is_mute = known.said and known.leapt_us is None and known.intent.is_airborne and known.is_silent(now_us)
+                is_mute = (
+                    known.has_intent and known.leapt_us is None and known.intent.is_airborne and known.is_silent(now_us)
+                )
             known.contradicted = known.contradicted + 1 if problem is not None or is_mute else 0
-            if known.said and known.contradicted < CONTRADICTIONS:
+            if known.has_intent and known.contradicted < CONTRADICTIONS:
                 return None
         intent = Intent(
             fix.valid_us, fix.latitude_deg, fix.longitude_deg, fix.altitude_m, fix.north_m_s, fix.east_m_s,
@@ -235,11 +237,11 @@ class Neighbours:
             radius_m=min(MOST_OWN_M, radius_m), half_height_m=min(MOST_OWN_M, half_height_m),
         )  # fmt: skip
         if known is None:
-            known = Neighbour(unit, intent, now_us, said=False)
+            known = Neighbour(unit, intent, now_us, has_intent=False)
             self._put(known)
-        elif known.said or fix.valid_us > known.intent.at_us:
-            known.candidate = known.intent if known.said and problem is not None else known.candidate
-            known.intent, known.heard_us, known.said, known.leapt_us = intent, now_us, False, None
+        elif known.has_intent or fix.valid_us > known.intent.at_us:
+            known.candidate = known.intent if known.has_intent and problem is not None else known.candidate
+            known.intent, known.heard_us, known.has_intent, known.leapt_us = intent, now_us, False, None
         if problem is None:
             return None
         is_news, known.belied_us = known.belied_us is None, now_us

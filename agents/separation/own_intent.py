@@ -137,7 +137,7 @@ class OwnIntent:
             return self._landing(fix)
         if mode in _RETURN_MODES:
             return self._return(fix)
-        target = pilot.targets.told if pilot.targets.tells(pilot.now_us) else None
+        target = pilot.targets.reported if pilot.targets.tells(pilot.now_us) else None
         towards = None if target is None else IntendedPlace(*target[1:4])
         if mode in MISSION_MODES:
             return self._mission(fix, pilot.item, towards) or _Way(IntentSource.MISSION, (), IntentEnding.OPEN)

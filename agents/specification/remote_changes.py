@@ -205,14 +205,14 @@ class SpecificationChanges(Part):
         self._note(f"{sender} changed the specification ({act.conversation_id}): {_summary(added, removed)}")
         self._agent.answer(act, Performative.AGREE, None, now_us)
         lines = _lines(added), _lines(removed)
-        said = contents.SpecificationChanged(
+        changed = contents.SpecificationChanged(
             number=number,
             added=lines[0][:_LISTED],
             removed=lines[1][:_LISTED],
             more=sum(max(0, len(each) - _LISTED) for each in lines),
             warnings=tuple(uncontrolled(each)[:_LINE] for each in self._warnings(text, federation_us)[:4]),
         )
-        self._agent.answer(act, Performative.INFORM, said, now_us)
+        self._agent.answer(act, Performative.INFORM, changed, now_us)
 
     def _warnings(self, text: SourceText, now_us: int) -> list[str]:
         lacking = ", ".join(self._instance.lacking)

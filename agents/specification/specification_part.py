@@ -162,8 +162,8 @@ class SpecificationPart(Part):
         except TextError as wrong:
             self.not_taken = given
             runs, awaits = bool(self.instance.specification), _awaited(wrong)
-            said = {"file": text.file, "said": wrong.drawn(), "runs": runs, "awaits": awaits}
-            self._tell({"event": "not-specified", **said})
+            record = {"file": text.file, "said": wrong.drawn(), "runs": runs, "awaits": awaits}
+            self._tell({"event": "not-specified", **record})
             until = f" until a host offers {', '.join(awaits[:8])} (dyknow host MODULE --unit {self._unit})"
             before = "the previous one keeps running" if runs else "none runs"
             self._note(f"specification rejected{until if awaits else ''}; {before}:\n{wrong.drawn()}")

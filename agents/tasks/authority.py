@@ -250,9 +250,9 @@ class Authority(Part):
         self._ended_here.pop(found.task, None)
         self._over.get(found.delegator, {}).pop(found.task, None)
 
-    def end(self, found: TaskEvidence, now_us: int, told: Iterable[str] = ()) -> None:
+    def end(self, found: TaskEvidence, now_us: int, informed: Iterable[str] = ()) -> None:
         """A task is over, these platforms are notified; its evidence is worth nothing from now on."""
-        for unit in told:
+        for unit in informed:
             if unit != self._unit and self._directory.is_present(unit):
                 self._agent.tell(unit, TaskOver(task=found.task), now_us, evidence=found.payload)
         of_one = self._over.setdefault(found.delegator, {})

@@ -130,8 +130,8 @@ class CommandWatch(Part):
         text = f"the vehicle obeys {leader} in {word.task}, and {word.delegator} delegated it to {word.delegate}"
         self._note(text)
         if word.delegator != self._unit and self._directory.is_present(word.delegator):
-            told = Progress(step=f"leads: {text}"[:1000], unit=self._unit)
-            self._agent.tell(word.delegator, told, now_us, conversation=word.task)
+            progress = Progress(step=f"leads: {text}"[:1000], unit=self._unit)
+            self._agent.tell(word.delegator, progress, now_us, conversation=word.task)
         alarm = f"{COMMANDER}/{self._unit}/{leader}/{now_us}"
         self._commanded = Commanded(word.task, leader, alarm)
         self._raise(alarm, "opened", COMMANDER, leader, now_us, task=word.task, delegate=word.delegate)

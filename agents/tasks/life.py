@@ -150,7 +150,7 @@ class TaskLife(Part):
         except Refused as refused:
             if led is None:
                 raise
-            text = f"led by {led.leader} in generation {led.generation}: {refused.reason}"
+            text = f"coordinated by {led.leader} in generation {led.generation}: {refused.reason}"
             raise Refused(text, "led-by", leader=led.leader, generation=led.generation) from None
 
     def _check_turn(self, claim: Claim, generation: int, now_us: int) -> None:
@@ -165,12 +165,12 @@ class TaskLife(Part):
         is_there = entry is not None and entry.boot == led.leader_boot and self._is_present(led.leader)
         return led.leader == self._unit or is_there
 
-    def follow(self, act: Act, told: CoordinatedTask, plan: TaskPlan, now_us: int) -> None:
-        """Take part in a task: from now on the sender is its coordinator; `told` is the task by the evidence that it shows."""
-        led = self.coordinated.setdefault(told.task, told)
-        self.lead_by(led, told.leader, told.leader_boot, told.generation, now_us)
-        self._ended.pop(told.task, None)
-        self._ended_by_others.pop(told.task, None)
+    def follow(self, act: Act, shown: CoordinatedTask, plan: TaskPlan, now_us: int) -> None:
+        """Take part in a task: from now on the sender is its coordinator; `shown` is the task by its evidence."""
+        led = self.coordinated.setdefault(shown.task, shown)
+        self.lead_by(led, shown.leader, shown.leader_boot, shown.generation, now_us)
+        self._ended.pop(shown.task, None)
+        self._ended_by_others.pop(shown.task, None)
         if plan not in led.plans:
             led.plans = (*led.plans, plan)
         followed = led.own.get(plan.name)
@@ -181,9 +181,9 @@ class TaskLife(Part):
     def lead_by(self, led: CoordinatedTask, leader: str, boot: int, generation: int, now_us: int) -> None:
         """That platform coordinates the task from now on; if this one did, it notifies the participants."""
         if led.leader == self._unit != leader:
-            told = HandOver(task=led.task, coordinator=leader, boot=boot, generation=generation)
+            message = HandOver(task=led.task, coordinator=leader, boot=boot, generation=generation)
             for unit in led.members.keys() | {leader}:
-                self._agent.tell(unit, told, now_us)
+                self._agent.tell(unit, message, now_us)
             self.step_down(led, leader)
         led.leader, led.leader_boot, led.generation = leader, boot, generation
         led.successor_at_us = None
@@ -204,8 +204,8 @@ class TaskLife(Part):
             if len(self._ended_by_others) > LISTED:
                 del self._ended_by_others[next(iter(self._ended_by_others))]
         if led.delegator not in {"", by, self._unit} and self._is_present(led.delegator):
-            told = Progress(step=f"monitoring ended by {by}", unit=self._unit)
-            self._agent.tell(led.delegator, told, now_us, conversation=led.task)
+            message = Progress(step=f"monitoring ended by {by}", unit=self._unit)
+            self._agent.tell(led.delegator, message, now_us, conversation=led.task)
 
     def leave(self, task: str, name: str) -> CoordinatedTask | None:
         """The coordinator needs monitor `name` no more; returns the task if that was the last."""
@@ -320,7 +320,7 @@ class TaskLife(Part):
             self._agent.end(conversation, task.initiator, f"cancelled by {unit}", now_us)
         led = self.coordinated.get(conversation)
         if led is not None and led.leader != self._unit:
-            text = f"the task is led by {led.leader} now: cancel it there"
+            text = f"the task is coordinated by {led.leader} now: cancel it there"
             raise Refused(text, "led-by", leader=led.leader, generation=led.generation)
         ended = self.cancel(conversation, now_us)
         if not is_given_up(act):

@@ -247,8 +247,8 @@ class Traffic(Part):
             return
         new = self.picture.counts - self._left_out
         self._left_out = Counter(self.picture.counts)
-        said = ", ".join(f"{times} {reason}" for reason, times in sorted(new.items()))
-        text = f"traffic: left out: {said}" if said else ""
+        counts = ", ".join(f"{times} {reason}" for reason, times in sorted(new.items()))
+        text = f"traffic: left out: {counts}" if counts else ""
         if text or self._shown:
             if text and not self._shown:
                 self._note(text)

@@ -198,7 +198,7 @@ def test_a_participant_says_where_the_task_is_cancelled(three: Box) -> None:
     three.centre("cc-2")
     three.run(1.0)
     assert cancelled(three, task, "1", by="cc-2") == [P.REFUSE]
-    assert "led by 0 now: cancel it there" in str(three.acts("1", "cc-2")[-1].content)
+    assert "coordinated by 0 now: cancel it there" in str(three.acts("1", "cc-2")[-1].content)
     assert all_fresh(three, "0", "1", "2")
 
 
@@ -360,7 +360,7 @@ def test_nobody_is_deposed_by_a_leader_that_is_not_there(three: Box, monkeypatch
     three.settle("0")
 
 
-@pytest.mark.parametrize("text", ["led by 1 in generation 9", "cancelled: the task was cancelled here"])
+@pytest.mark.parametrize("text", ["coordinated by 1 in generation 9", "cancelled: the task was cancelled here"])
 def test_the_words_of_a_refusal_steer_nothing(three: Box, text: str) -> None:
     task = delegated(three)
     coordination = three.platform("0").part(Coordination)
