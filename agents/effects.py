@@ -117,7 +117,7 @@ class SearchOver(NamedTuple):
 
 
 class Impaired(NamedTuple):
-    """Something of this process no longer works, such as its journal; the platform continues without it."""
+    """A component of this process no longer works, such as its journal; the platform continues without it."""
 
     at_us: int
     text: str
@@ -179,7 +179,7 @@ class InjectFault(NamedTuple):
 
 
 class Note(NamedTuple):
-    """Something a person should know: it goes to the log."""
+    """A text for users, which goes to the log."""
 
     at_us: int
     text: str
@@ -239,7 +239,7 @@ HostEffect: TypeAlias = TellHost | TakeHost | DropHost
 
 
 class Halt(NamedTuple):
-    """This platform cannot continue in the federation, and why."""
+    """End of the platform: the reason why it cannot continue in the federation."""
 
     reason: str
 

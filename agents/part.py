@@ -18,7 +18,7 @@ class ClockCompared(NamedTuple):
 
 
 PeerChange: TypeAlias = DirectoryEvent | ClockCompared
-"""Something about another platform: it, a service or a label came or went, or its clock was compared."""
+"""A change of another platform: it, a service or a label came or went, or its clock was compared."""
 
 
 class Timed(Protocol):
@@ -88,7 +88,7 @@ class Part:
         """A step that may have changed anything ends: emit what was gathered."""
 
     def on_peer(self, change: PeerChange, now_us: int) -> None:
-        """Something about another platform."""
+        """Take a change of another platform: it, a service, a label, or the comparison of its clock."""
 
     def on_alarm(self, event: AlarmEvent, now_us: int) -> None:
         """An alarm opened or closed here."""

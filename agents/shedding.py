@@ -29,7 +29,7 @@ EASIER_US: Final = 2_500_000
 EASIER_MOST_US: Final = 40_000_000
 """How long there must be time before more is done again; it doubles when that was too early."""
 TOLD_US: Final = 5_000_000
-"""So long after the end the condition is shown: it is not withdrawn and renewed all the time."""
+"""How long the condition is shown after its end, so that it is not withdrawn and renewed all the time."""
 
 
 class Shedding(Part):

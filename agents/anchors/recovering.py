@@ -116,7 +116,7 @@ class _Recovery:
             self.looking.on_reacquired(federation_us)
 
     def end(self, now_us: int) -> None:
-        """It is wanted no more."""
+        """End the recovery: the object is no longer wanted."""
         self.looking.end(now_us)
         if self._undo is not None:
             self._undo()
@@ -290,7 +290,7 @@ class RecoveringAnchors(Part):
         return end
 
     def on_event(self, conversation: str, event: LinkEvent) -> None:
-        """Something happened to a wanted object."""
+        """Pass an event of a wanted object on to its recovery."""
         if conversation in self._recoveries:
             self._recoveries[conversation].on_event(event, self._now_us)
 

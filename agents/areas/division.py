@@ -361,7 +361,7 @@ class AreaDivision(Part):
         self._ask(divided, now_us)
 
     def _on_led(self, task: str) -> None:
-        """Another platform leads it, and may: this one does no longer."""
+        """Stop leading a task that another platform leads by right."""
         self.succeeds_us.pop(task, None)
         if self.areas.pop(task, None) is not None:
             self._tasks.forget(task)

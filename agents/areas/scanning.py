@@ -123,7 +123,7 @@ class Scanning(Part):
         self._show("", now_us)
 
     def _take(self, piece: AssignedPiece, now_us: int) -> None:
-        """Another piece, or the same in a newer division: seen cells of the area stay seen."""
+        """Begin another piece, or the same in a newer division: seen cells of the area stay seen."""
         content, scan, asked = piece.content, self.scan, piece.evidence.content
         if not isinstance(asked, DivideArea):
             return

@@ -183,7 +183,7 @@ class Following(Part):
             self._tell(task, f"{task.symbol} is not followed meanwhile: {reason}", now_us)
 
     def go_on(self, overtaken: str, now_us: int) -> None:
-        """It is free again; `overtaken`: its pilot or a user has it, which ends the task."""
+        """Resume following when the vehicle is free; `overtaken`: its pilot or a user has it, which ends the task."""
         task, federation_us = self._task, self._clock.federation_us(now_us)
         if task is None or not task.paused:
             return

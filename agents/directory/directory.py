@@ -144,7 +144,7 @@ class DirectoryAgent(Part):
         return [*own, *self._peer_conditions.conditions()]
 
     def on_impaired(self, event: Impaired, now_us: int) -> Followed:
-        """Something of the process failed, for the rest of its life."""
+        """Note and show a failure of the process, which lasts for the rest of its life."""
         text = event.text[:MAX_TEXT]
         if text not in self._impaired and len(self._impaired) < IMPAIRED:
             self._impaired[text] = event.at_us

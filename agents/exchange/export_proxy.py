@@ -43,7 +43,7 @@ class ExportProxy:
 
     @classmethod
     def of(cls, ports: Ports, _parts: PartRegistry) -> "ExportProxy":
-        """That of a platform."""
+        """Build it from the ports and parts of a platform."""
         return cls(ports.exports, ports.network, ports.translation, ports.emit)
 
     def start_exporting(

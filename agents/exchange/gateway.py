@@ -58,7 +58,7 @@ class Gateway:
 
     @classmethod
     def of(cls, ports: Ports, parts: PartRegistry) -> "Gateway":
-        """That of a platform."""
+        """Build it from the ports and parts of a platform."""
         exporter, importer = parts[ExportProxy.of], parts[ImportProxy]
         return cls(ports.unit, ports.network, ports.ontology, ports.translation, exporter, importer)
 

@@ -36,18 +36,18 @@ class ImportDemand:
         self.on_demand()
 
     def on_demand(self) -> None:
-        """Its subscribers have changed."""
+        """Request the source if the generator has subscribers, else release it."""
         self._tell(bool(self._generator.subscriptions))
 
     def reach(self, from_us: int | None) -> None:
         """Do nothing: the past of an imported stream is what its history holds."""
 
     def since_us(self) -> int:
-        """The history knows."""
+        """`EVER_US`: the beginning is known only to the history."""
         return EVER_US
 
     def stop(self) -> None:
-        """It is imported no more."""
+        """End the import."""
         self._generator.owner = None
         self._tell(False)
 

@@ -155,7 +155,7 @@ class LabelAgreements(Part):
         return is_new
 
     def withdraw(self, label: str, now_us: int) -> None:
-        """It is defined here no longer."""
+        """Remove the definition of a label of this platform."""
         self._ontology.withdraw(label)
         self._offer(now_us)
         self._look_at_all(now_us)

@@ -22,7 +22,7 @@ RETRY_US = 2_000_000
 ATTEMPTS = 4
 """How often a leg of the plan is ordered that the vehicle did not answer."""
 RESUMES_US = 6_000_000
-"""So long after a mission was resumed the vehicle's mode may show it."""
+"""Time after a mission was resumed within which the vehicle's mode shows it."""
 
 
 @dataclass(slots=True)

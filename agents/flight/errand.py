@@ -48,7 +48,7 @@ BRAKES_M_S2, TURNS_US = 2.5, 1_000_000
 MODE_WITHIN_US = 4_000_000
 """A mode is reported once a second, and an order that changes it is repeated only after it was."""
 SETTLES_US = 1_000_000
-"""So long a target from before an order may still be on its way, and a vehicle that reports none may yet do so."""
+"""How long a target from before an order may still arrive, and a vehicle without targets may yet report one."""
 LEVEL_M, UPRIGHT_M = 3.0, 1.5
 SLOPE = 5.0
 """A climb to a place farther than this multiple of its height is too flat to be seen within 2 s."""
@@ -59,7 +59,7 @@ TEXT_WITHIN_US = 1_000_000
 WORDS_US = 300_000
 """How long after an order a user waits for the words to a refusal."""
 SAYS_S = 0.5
-"""So long after it was sent an order may arrive: the vehicle has flown on."""
+"""Delay of an order on its way to the vehicle, which flies on meanwhile."""
 _M_PER_DEG = 111_194.9
 
 

@@ -30,7 +30,7 @@ class Pilot(CommandedVehicle):
 
     @classmethod
     def of(cls, ports: Ports, _parts: PartRegistry) -> "Pilot":
-        """That of a platform."""
+        """Build it from the ports and parts of a platform."""
         config = ports.config
 
         def clock() -> int:

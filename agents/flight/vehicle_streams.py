@@ -81,7 +81,7 @@ class VehicleStreams:
 
     @classmethod
     def of(cls, ports: Ports, _parts: PartRegistry) -> "VehicleStreams":
-        """Those of a platform."""
+        """Build it from the ports and parts of a platform."""
         return cls(ports.unit, ports.network, ports.translation, ports.config.period_us, ports.note)
 
     def _split(self) -> None:

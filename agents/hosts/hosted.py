@@ -164,7 +164,7 @@ class Host:
         return prototype
 
     def _checked(self, *names: str) -> tuple[Sort, ...]:
-        """Those of the sorts that the host has declared with units or fields."""
+        """The sorts of these names that the host has declared with units or fields."""
         return tuple(self._sorts[name] for name in dict.fromkeys(names) if name in self._sorts)
 
 

@@ -47,13 +47,13 @@ class Scheduler(Generic[P, I]):
         return bool(self._action)
 
     def add(self, process: P, priority: int = 0) -> None:
-        """A process comes, with nothing that waits for it; of several the one with the higher priority is first."""
+        """Add a process without waiting items; a process of higher priority works before others."""
         self.remove(process)
         self._priorities[process] = priority
         self._waiting[process] = deque()
 
     def remove(self, process: P) -> None:
-        """It goes, and with it all that waits for it; nothing happens if it is not there."""
+        """Remove a process and its waiting items, if it is there."""
         self._priorities.pop(process, None)
         self._waiting.pop(process, None)
         self._ready = [each for each in self._ready if each[2] != process]

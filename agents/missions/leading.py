@@ -242,7 +242,7 @@ class MissionLeading(Part):
             led.end("a command centre ended it", now_us)
 
     def on_cancel(self, act: Act, now_us: int) -> bool:  # noqa: ARG002  (as every part)
-        """It is cancelled while its texts are read."""
+        """Cancel a mission while its texts are read."""
         content = self._reading.pop((act.sender.unit, act.conversation_id or ""), None)
         if content is not None:
             self.searches.end(content)

@@ -178,7 +178,7 @@ class LedMission:
     # -- reports -----------------------------------------------------------------------------------------------
 
     def take(self, event: events.MissionEvent, now_us: int) -> None:
-        """Something happened."""
+        """Pass an event to the mission, unless it has ended, and carry out the effects."""
         if self.mission is not None and self.mission.ended is None:
             self._do(self.mission.on_event(event, self._ports.federation_us(now_us)), now_us)
 

@@ -69,7 +69,7 @@ class MissionRelay(Part):
         return None
 
     def on_cancel(self, act: Act, now_us: int) -> bool:  # noqa: ARG002  (as every part)
-        """It is cancelled while its texts are read."""
+        """Cancel a mission while its texts are read."""
         content = self._reading.pop((act.sender.unit, act.conversation_id or ""), None)
         if content is not None:
             self._searches.end(content)

@@ -109,7 +109,7 @@ class PlanBook:
 
     @classmethod
     def of(cls, ports: Ports, _parts: PartRegistry) -> "PlanBook":
-        """That of a platform."""
+        """Build it from the ports and parts of a platform."""
         return cls(ports.unit, ports.config.profiles, ports.config.period_us)
 
     def declare(self, plan: MonitorPlan) -> Callable[[], None]:

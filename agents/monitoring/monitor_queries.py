@@ -32,7 +32,7 @@ LONGEST_STATES = 1000
 LOOK_US = 200_000
 """How often the monitors are looked at while there are subscribers."""
 BEGINNING_US = 1_500_000
-"""So long a new monitor may be without its inputs before it counts as unknown."""
+"""How long a new monitor may be without its inputs before it counts as unknown."""
 BETWEEN_US = 1_000_000
 """A monitor that changes more often is reported once in this time."""
 

@@ -101,7 +101,7 @@ class UnitMonitors:
 
     @classmethod
     def of(cls, ports: Ports, _parts: PartRegistry) -> "UnitMonitors":
-        """Those of a platform."""
+        """Build it from the ports and parts of a platform."""
         return cls(ports.unit, ports.network, ports.source(), ports.on_own_alarm, ports.contain)
 
     # -- what is monitored -------------------------------------------------------------------------------------
@@ -222,7 +222,7 @@ class UnitMonitors:
                         self._thin(named, instance)
 
     def shed(self, every: int) -> None:
-        """This platform has too much to do: its monitors look at each `every`-th state only; 1: at all again."""
+        """Evaluate only each `every`-th state, because of the platform's load; 1: all."""
         self._shed = every
         for named in self.named.values():
             for instance in named.instances.values():
@@ -388,7 +388,7 @@ class UnitMonitors:
                 self._raised(named, error)
 
     def _raised(self, named: NamedMonitor, error: Exception) -> None:
-        """One monitor raised over one state: the others look at theirs."""
+        """Contain the error of one monitor, so that the others continue."""
         if self._contain is None:
             raise error
         self._contain.caught(f"Monitor of {named.plan.name}", error)

@@ -69,7 +69,7 @@ class EncounterLog(Part):
             self._wake(now_us)
 
     def note(self, text: str, now_us: int) -> None:
-        """Something was decided, ordered or seen."""
+        """Note a decision, an order or an observation."""
         if self._keeps:
             self._notes.append((self._clock.federation_us(now_us), text))
 

@@ -231,7 +231,7 @@ class GivingWay(Part):
         self._do(self.logic.on_agreed(unit, self._pilot.now_us), now_us)
 
     def _declined(self, unit: str, content: Avoid, reason: Reason, now_us: int) -> None:
-        """It refuses our proposal, or what we leave to it."""
+        """Take the refusal of our proposal, or of a meeting that we leave to the other."""
         if content.because is None:
             if reason.code == "not-free":
                 self._tell(f"{unit} refuses: {reason.text}", now_us)
@@ -265,7 +265,7 @@ class GivingWay(Part):
                 self._count_pursuit(unit, now_us)
 
     def _count_pursuit(self, unit: str, now_us: int) -> None:
-        """One for which we make room again and again may do that on purpose: users are to judge it."""
+        """Report a vehicle for which we make room again and again: it may follow us on purpose, as users may judge."""
         if self._pursuits.count(unit, now_us) >= PURSUES:
             self._pursuits.forget(unit)
             self._tell(

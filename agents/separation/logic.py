@@ -55,7 +55,7 @@ AGAIN_US: Final = 1_000_000
 OVER_US: Final = 1_500_000
 LEAST_US, FREE_US = 1_500_000, 500_000
 TURN_US, NEAR_M = 1_000_000, 100.0
-"""So much later than each one before it a vehicle flies on: that one has published its way by then."""
+"""Delay of a vehicle's flying on after each one before it, which has published its way by then."""
 CANNOT_US: Final = 5_000_000
 MOST_REFUSALS: Final = 2
 WAITS_US, ROUND_US, AFTER_US = 4_000_000, 2_000_000, 1_000_000
@@ -380,7 +380,7 @@ class SeparationLogic:
         return self._leave(now, unit, now.cannot or self.cannot or NOTHING_FREE)
 
     def forget(self, units: Iterable[str]) -> list[Step]:
-        """Nothing keeps them apart now: no task wants it."""
+        """End the meetings with these units: no task keeps vehicles apart now."""
         steps: list[Step] = [Over(unit) for unit in units if self.meetings.pop(unit, None) is not None]
         return steps
 

@@ -33,7 +33,7 @@ from reasoning import SILENT_IN_THE_AIR, AlarmEvent
 PERIOD_US: Final = 500_000
 LOOK_US: Final = 500_000
 TELLS_US: Final = 3_000_000
-"""So long after its last word a vehicle in the air is reported as silent."""
+"""Age of the last intent after which a vehicle in the air is reported as silent."""
 LEFT_US: Final = 60_000_000
 """How long one stays traffic whose platform has left in flight."""
 _OWN_US: Final = 2_000_000

@@ -20,7 +20,7 @@ from navigation.intents.intent import Intent, IntentEnding, IntentSource, RightO
 from navigation.intents.path import STEP_S, STEPS, FlatOrigin, Tube, contingent, later, nominal, resumed
 
 SILENT_US: Final = 2_000_000
-"""So long without a word a member is silent: two intents a second are due."""
+"""Time without an intent or position after which a member is silent: two intents a second are due."""
 GROWS_M_S, GROWS_MOST_M = 0.5, 25.0
 FORGOTTEN_US: Final = 1_800_000_000
 """By then the battery of a copter is empty."""
@@ -29,7 +29,7 @@ MOST_OWN_M: Final = 30.0
 LEAP_M, LEAP_M_S = 50.0, 60.0
 CREDIBLE_US: Final = 3_000_000
 FORMER_US: Final = 20_000_000
-"""So long one that has leapt is kept away from as well where it would be if it had not: the leap may be the lie."""
+"""How long the place of a vehicle without its leap is kept clear, too: the leap may be false."""
 CONTRADICTIONS: Final = 3
 """Looks running in which positions contradict an intent, or come without one, before they stand for it: one may be an outlier."""
 RESUMES_S: Final = tuple(float(after_s) for after_s in range(0, 33, 4))
@@ -140,7 +140,7 @@ class Neighbour:
         return found
 
     def say(self, intent: Intent, now_us: int) -> None:
-        """Its newest word, which is believed."""
+        """Take its newest intent, which is believed."""
         self.intent, self.heard_us = intent, now_us
         if intent.source is not IntentSource.MANOEUVRE:
             self.own_way = intent

@@ -66,7 +66,7 @@ _BACKTRACKS, _STREAMED = "SMART_RTL", "OFFBOARD"
 _STANDS_M_S: Final = 1.0
 _CONTINUED: Final = frozenset({MissionStep.FLY_TO, MissionStep.TAKE_OFF})
 _SAME_M, _SAME_UP_M = 10.0, 5.0
-"""So near to its item the target is that a vehicle reports in a mission; else the items have changed."""
+"""Greatest distance of the reported target from its mission item; beyond, the items have changed."""
 
 
 class _Way(NamedTuple):

@@ -71,7 +71,7 @@ class Over(NamedTuple):
 
 
 class Waits(NamedTuple):
-    """It stands since its own way is taken by those units, and there is none round them."""
+    """The vehicle stands: those units are in its way, and there is no way round them."""
 
     units: tuple[str, ...]
 

@@ -29,7 +29,7 @@ from navigation.intents.path import (
 )
 
 OLD_US: Final = 2_000_000
-"""So old a position is no longer that of the vehicle."""
+"""Age beyond which a position no longer counts as the vehicle's."""
 MOST_FLOWN_ON_S: Final = 60.0
 LEAST_STATED_M_S: Final = 2.0
 _FAR_M: Final = 5_000.0
@@ -89,7 +89,7 @@ class SituationView:
         return self._neighbourhood.others.near(origin, fix, speed, now.now_us, STEPS)
 
     def places(self, places: Iterable[FlatPlace]) -> tuple[IntendedPlace, ...]:
-        """Those places on the globe; none before anything was planned."""
+        """The places in degrees; empty while there is no origin."""
         origin = self.origin
         if origin is None:
             return ()
@@ -101,7 +101,7 @@ class SituationView:
         return off if self._may_avoid else "this platform has no leave to give way"
 
     def _origin_at(self, fix: Fix) -> FlatOrigin:
-        """It moves only between manoeuvres."""
+        """The origin of metres near `fix`; it moves only between manoeuvres."""
         origin = self.origin
         if origin is not None and self._logic.manoeuvre is None:
             north_m, east_m = origin.metres(fix.latitude_deg, fix.longitude_deg)

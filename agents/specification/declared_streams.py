@@ -25,7 +25,7 @@ class DeclaredStreams:
 
     @classmethod
     def of(cls, ports: Ports, parts: PartRegistry) -> "DeclaredStreams":
-        """Those of a platform."""
+        """Build it from the ports and parts of a platform."""
         return cls(ports.unit, ports.network, ports.translation, parts[LabelAgreements], ports.instance())
 
     def find(self, unit: str, text: str) -> Label:

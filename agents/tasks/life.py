@@ -129,7 +129,7 @@ class TaskLife(Part):
     # -- coordinated -------------------------------------------------------------------------------------------
 
     def coordinate(self, led: CoordinatedTask, take_down: Callable[[int], Iterable[str]], now_us: int) -> None:
-        """This platform coordinates a task from now on."""
+        """Coordinate a task from now on."""
         self.coordinated[led.task] = led
         self.add(Task(led.task, led.delegator, "monitor-proximity", take_down, since_us=now_us))
 
@@ -179,7 +179,7 @@ class TaskLife(Part):
         led.own[plan.name] = act
 
     def lead_by(self, led: CoordinatedTask, leader: str, boot: int, generation: int, now_us: int) -> None:
-        """That platform coordinates the task from now on; if this one did, it notifies the participants."""
+        """Set the coordinator of a task; if this platform was it, notify the participants."""
         if led.leader == self._unit != leader:
             message = HandOver(task=led.task, coordinator=leader, boot=boot, generation=generation)
             for unit in led.members.keys() | {leader}:
@@ -198,7 +198,7 @@ class TaskLife(Part):
         self.forget(led.task)
 
     def end_by(self, led: CoordinatedTask, by: str, now_us: int) -> None:
-        """Its coordinator ended the task here: its delegator is notified; if that is not the delegate, it is listed."""
+        """Note that the coordinator `by` ended the task here: notify the delegator; list it if `by` is not the delegate."""
         if by != led.delegate:
             self._ended_by_others[led.task] = EndedTask(led.task, led.delegator, led.delegate, by, now_us)
             if len(self._ended_by_others) > LISTED:

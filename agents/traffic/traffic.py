@@ -156,7 +156,7 @@ class Traffic(Part):
                 self._want(unit, now_us)
 
     def _want(self, unit: str, now_us: int) -> None:
-        """Its traffic while it offers it, and where it is while there is traffic."""
+        """Import a platform's traffic while it offers it, and its motion while there is traffic."""
         names = [TRAFFIC] if unit in self._offering else []
         names += [name for name in MOTION if len(self.picture) and self._offers(unit, name)]
         self._partners.want(unit, dict.fromkeys(names, IMPORTED_US), now_us)

@@ -62,7 +62,7 @@ class AircraftWatch:
             self._on_alarm(event)
 
     def end_all(self, now_us: int) -> None:
-        """Nothing is watched from now on."""
+        """End the watches of all aircraft."""
         for name in list(self._watched):
             self.end(name, now_us)
 
