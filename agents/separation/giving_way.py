@@ -205,17 +205,12 @@ class GivingWay(Part):
                     self._neither.close(unit, self._clock.federation_us(now_us))
 
     def _propose(self, unit: str, content: Avoid, now_us: int) -> None:
-        def on_reply(reply: Act, reply_content: Content | None, at_us: int) -> None:
+        def on_reply(reply: Act, answer: Content | None, at_us: int) -> None:
             if reply.performative in {Performative.AGREE, Performative.INFORM}:  # the result may overtake the agree
                 if content.because is None:
                     self._on_agreed(unit, at_us)
             elif reply.performative in {Performative.REFUSE, Performative.NOT_UNDERSTOOD, Performative.FAILURE}:
-                self._declined(
-                    unit,
-                    content,
-                    reply_content if isinstance(reply_content, Reason) else Reason(text="no reason"),
-                    at_us,
-                )
+                self._declined(unit, content, answer if isinstance(answer, Reason) else Reason(text="no reason"), at_us)
 
         def on_silence(why: str, at_us: int) -> None:
             if content.because is None:
