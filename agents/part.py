@@ -81,7 +81,7 @@ class Part:
         """The platform comes into the federation."""
 
     def on_time(self, now_us: int) -> "Followed":  # noqa: ARG002
-        """It is due; called at `deadline_us` or a little later."""
+        """Do the work that is due; called at `deadline_us` or a little later."""
         return None
 
     def flush(self) -> None:
@@ -107,7 +107,7 @@ class Part:
 
 
 class Within(NamedTuple):
-    """Something in a part with a deadline of its own, which is asked for instead of that of the whole part."""
+    """A component of a part, whose deadline is computed again instead of that of the whole part."""
 
     part: Part
     timed: Timed

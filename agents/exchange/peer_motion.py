@@ -32,7 +32,7 @@ ALIKE, ALIKE_M, RECENT_US = 5, 5.0, 3_000_000
 
 @dataclass(slots=True)
 class _Seen:
-    """Something that a unit states, in words, since when and until when."""
+    """An implausible report of a unit, in words, with the times of its first and last occurrence."""
 
     text: str
     since_us: int

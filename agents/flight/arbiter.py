@@ -78,7 +78,7 @@ class AwaitedMissions:
         self._why: dict[str, str] = {}
 
     def expect(self, name: str, waits: str = "") -> None:
-        """It may join; of too many those that wait for nothing are forgotten first."""
+        """Remember that a mission may join; beyond `MISSIONS` one that does not wait is forgotten first."""
         self._why[name] = waits
         if len(self._why) > MISSIONS:
             del self._why[next((each for each, why in self._why.items() if not why), next(iter(self._why)))]

@@ -135,7 +135,7 @@ class CommandedVehicle(HeardVehicle):
         return resumed or before is None or before.mode in vehicle.MISSION_MODES
 
     def _forget(self) -> None:
-        """Nothing of this flight is left to be done."""
+        """Forget all orders of this flight."""
         self.standing = self._before = self._aside = self._goal = self._again_us = None
         self.targets.forget()
         self._attempts = 0

@@ -316,7 +316,7 @@ class Errand:
         return nears and (rises or away_m > SLOPE * abs(up_m))
 
     def end(self, progress: OrderProgress, reason: str) -> None:
-        """Nothing more comes of it."""
+        """End the order with this progress and reason."""
         self.progress, self.reason = progress, reason
 
 

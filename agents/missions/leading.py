@@ -375,7 +375,7 @@ class MissionLeading(Part):
             self._agent.tell(delegator, progress, now_us, conversation=order.conversation)
 
     def ended(self, led: LedMission, effect: events.MissionEnded, now_us: int) -> None:
-        """It is over: tell its delegator, and free what it has."""
+        """End a mission: inform its delegator, and release its vehicles and streams."""
         order = led.order
         if self._led.pop(order.name, None) is None:
             return

@@ -218,7 +218,7 @@ class LedMission:
             self.take(events.MissionAborted(reason), now_us)
 
     def release(self, now_us: int) -> None:
-        """It is over: vehicles are free, streams are needed no more."""
+        """Release the vehicles and streams of a mission that is over."""
         self._ports.end_search(self)
         self._locating.pause(now_us)
         self._effects.end(now_us)

@@ -127,7 +127,7 @@ class MissionRelay(Part):
             self._tasks.cancel(conversation, now_us)
 
     def _taken_down(self, conversation: str, leader: str, now_us: int) -> tuple[str, ...]:
-        """It is cancelled here, or over."""
+        """Cancel a mission at its leader when it is cancelled here."""
         _, asked = self._relayed.pop(conversation, (None, ""))
         if asked:
             self._agent.cancel(leader, asked, now_us)

@@ -257,7 +257,7 @@ class UnitMonitors:
         return self._due_us
 
     def _hasten(self) -> None:
-        """Something may be due earlier than was known."""
+        """Compute the deadline again: a monitor may be due earlier."""
         self._is_due_known = False
 
     def on_time(self, now_us: int) -> None:

@@ -83,7 +83,7 @@ class UnitsStream(OnDemand):
         self._tell()
 
     def on_sample(self, i: int, sample: Sample) -> None:
-        """It takes no streams."""
+        """Never called: the stream has no inputs."""
 
     def since_us(self) -> int:
         """Earlier members are not kept."""

@@ -55,7 +55,7 @@ class AvoidAnswers:
         return self._hear(other, legs, content.speed_m_s, situation)
 
     def _take(self, other: str, because: str, legs: tuple[IntendedPlace, ...], now: Situation) -> str:
-        """It leaves the meeting to us, if there is one on the way that it flies on."""
+        """Take a meeting that another leaves to us, if its continued way meets ours; returns a note for users."""
         known = self._neighbourhood.others.by_unit[other]
         if known.has_intent:
             known.intent = known.intent._replace(rank=RightOfWay.CANNOT, legs=legs)

@@ -53,7 +53,7 @@ class EncounterLog(Part):
     # -- what happens ------------------------------------------------------------------------------------------
 
     def begin(self, other: str, now_us: int) -> None:
-        """That vehicle is met; a meeting that is seen again soon is the same encounter."""
+        """Begin an encounter with a vehicle; a meeting that is seen again soon continues it."""
         if self._keeps:
             known = self._open.get(other)
             self._open[other] = (

@@ -59,7 +59,8 @@ TURN_US, NEAR_M = 1_000_000, 100.0
 CANNOT_US: Final = 5_000_000
 MOST_REFUSALS: Final = 2
 WAITS_US, ROUND_US, AFTER_US = 4_000_000, 2_000_000, 1_000_000
-"""So long one stands where it has made room before it looks for a way round, so often, and later for each in its way that goes before by name."""
+"""How long a vehicle stands where it has made room before it looks for a way round, the pause between such looks, and
+the delay for each vehicle in its way that goes before by name."""
 OFTEN, OFTEN_US, MOST_COUNTED = 3, 120_000_000, 64
 """A vehicle that makes room for another one so often does not get on: that is reported."""
 NOTHING_FREE: Final = "no way is free of all others within its limits"
@@ -340,7 +341,7 @@ class SeparationLogic:
         return manoeuvre is not None and unit in manoeuvre.units and not self.cannot
 
     def on_agreed(self, unit: str, now_us: int) -> list[Step]:
-        """It has agreed to our manoeuvre, or does not answer: it is flown once all have."""
+        """Note that a unit agrees to our manoeuvre, or does not answer; it is flown once all have."""
         manoeuvre = self.manoeuvre
         if manoeuvre is None or manoeuvre.state is not ManoeuvreState.PROPOSED:
             return []
@@ -348,14 +349,14 @@ class SeparationLogic:
         return [] if manoeuvre.awaited else self._begin(now_us, manoeuvre)
 
     def on_declined(self, unit: str, now_us: int) -> None:
-        """It has refused our manoeuvre: another one is planned, and its newest intent is part of that."""
+        """Drop our manoeuvre, which a unit has refused; the next is planned with that unit's newest intent."""
         manoeuvre = self.manoeuvre
         if manoeuvre is not None and manoeuvre.state is ManoeuvreState.PROPOSED and unit in manoeuvre.awaited:
             self._refusals += 1
             self.manoeuvre, self._planned_us = manoeuvre.before, now_us - AGAIN_US // 2
 
     def on_left(self, unit: str, now: Situation) -> str | None:
-        """It leaves the meeting to us; returns why we do not take it, or None."""
+        """Take a meeting that a unit leaves to us; returns why we cannot, or None."""
         seconds = self.meets(now, unit)
         meeting = self.meetings.get(unit)
         if meeting is None:
@@ -369,7 +370,7 @@ class SeparationLogic:
         return None
 
     def on_left_refused(self, unit: str, reason: str, now: Situation, *, is_unseen: bool = False) -> list[Step]:
-        """It cannot take what we have left to it; `is_unseen`: it does not see the meeting yet, and is notified again."""
+        """Take a unit's refusal of a meeting left to it; `is_unseen`: it does not see it yet, and is notified again."""
         meeting = self.meetings.get(unit)
         if meeting is None or meeting.told_us is None:
             return []
