@@ -167,7 +167,7 @@ class HostDesk:
         return True
 
     def _admit(self, host: Host) -> None:
-        """Check that all prototypes of a host can be taken; raises Refused for the first that cannot."""
+        """Check that all prototypes of a host can be taken; raises the error of the first that cannot."""
         instance = self._instance
         for other in self._hosts.values():
             names = {each.name for each in other.prototypes} if other.present else set()
