@@ -124,7 +124,7 @@ def test_a_participant_that_monitors_otherwise_refuses_its_part_and_the_others_g
         (MonitorProximity(profile="nonsense"), "no monitor is called 'nonsense' here"),
         (MonitorProximity(sample_period_s=0.001), "expected a multiple of 100ms"),
         (MonitorProximity(sample_period_s=0.15), "expected a multiple of 100ms"),
-        (MonitorProximity(delay_s=3600.0), "1min at most"),
+        (MonitorProximity(delay_s=3600.0), "expected at most 1min, got 1h"),
         (CreateMonitor(name="proximity", profile="proximity-warn"), "by its name alone"),
         (CreateMonitor(name="proximity", task="t-1", coordinator="2"), "set up by the coordinator 2, not cc"),
     ],
