@@ -21,7 +21,7 @@ CHECKED: Final = frozenset({P.QUERY_IF, P.REQUEST})
 SUBSCRIBED: Final = frozenset({P.SUBSCRIBE})
 INFORMED: Final = frozenset({P.INFORM})
 COMMON_ANSWERS: Final[tuple[type[Content], ...]] = (Reason, Done, Cancel)
-"""What any act may be answered with, or ended by."""
+"""Contents with which any act may be answered or ended."""
 
 FEDERATION: Final = Service("dyknow-federation", "federation")
 """A platform that offers it takes part: its streams can be exported, and it gets requests to monitor."""
@@ -29,11 +29,11 @@ COORDINATION: Final = Service("monitor-coordination", "coordination")
 
 
 class Role(IntEnum):
-    """What a member may ask for, where there is a roster; each may what those before may.
+    """Permissions of a member, where there is a roster; each role includes the permissions of the roles before it.
 
-    An observer asks and subscribes what costs nothing, a delegate (another platform) sets up what lasts, a command
-    centre flies, injects faults, takes platforms out of the federation and restores specifications. A member that is
-    revoked may nothing.
+    An observer queries and subscribes at no cost to others, a delegate (another platform) sets up lasting tasks, a
+    command centre flies, injects faults, takes platforms out of the federation and restores specifications. A revoked
+    member has no permission.
     """
 
     REVOKED = -1
@@ -43,7 +43,7 @@ class Role(IntEnum):
 
 
 ROLES: Final = {"observer": Role.OBSERVER, "uav": Role.DELEGATE, "command-centre": Role.COMMAND_CENTRE}
-"""By what the roster calls a member."""
+"""Roles by their names in a roster."""
 
 
 @dataclass(frozen=True, slots=True)
@@ -51,7 +51,7 @@ class Action:
     """One speech act that a part carries out.
 
     Attributes:
-        content: what the act says.
+        content: type of the act's content.
         handler: the part's method that takes (act, content, node clock); it answers, or raises.
         performatives: with which of these it is understood.
         role: the least role, with a roster, whose members may ask for it.

@@ -56,7 +56,7 @@ class AuditLog:
 
     @contextmanager
     def on_arrival(self, at_us: int, act: Act) -> Iterator[Callable[[str], None]]:
-        """While an act is looked at: it stands before whatever follows from it. What is yielded takes its outcome."""
+        """Log an act before all acts that follow from it; the yielded function takes its outcome (default: accepted)."""
         held = self._held = []
         outcomes = ["accepted"]
         try:

@@ -1,4 +1,4 @@
-"""What makes one platform different from another."""
+"""Configuration of one platform."""
 
 from collections.abc import Callable, Mapping
 from dataclasses import dataclass, field
@@ -19,26 +19,26 @@ from reasoning import Profile, builtin_profiles
 
 @dataclass(frozen=True, slots=True)
 class PlatformConfig:
-    """What makes one platform different from another.
+    """Configuration of one platform: see the attributes.
 
     Attributes:
         unit: its name in the federation.
         boot: which life of it this is: the node clock at its beginning, in milliseconds; greater in each later one.
         zid: identity of its session, for tokens.
         vehicle: whether it has one, and so labels to offer.
-        cameras: those that its vehicle carries, if their images are reported.
+        cameras: the cameras of its vehicle, if their images are reported.
         simulated: whether faults can be injected.
         control: whether it may command its vehicle.
         missions: whether it may interrupt a mission of its vehicle to give way.
         period_us: the grid of its estimates.
-        learnt: what streams of beliefs had learnt, by stream.
+        learnt: parameters that streams of beliefs had learnt, by stream.
         trusted: how far other platforms are trusted, in [0, 1], by unit; others wholly.
-        roads: those on which linked objects are, unless the specification names others.
-        catalogue: what its specification can make sources and units from, by name.
+        roads: the roads on which linked objects are, unless the specification names others.
+        catalogue: prototypes from which its specification can make sources and units, by name.
         stopwatch: federation time as it is within a step, by which it is known how long units take, and which are
             called in workers; None: time is simulated.
         monotonic_offset_us: its node clock minus the monotonic clock of the machine, which hosts have, too.
-        admission: what becomes of declarations that there is no time for.
+        admission: policy for declarations that exceed the platform's computing time.
         extensions: classes of parts that it has besides its own; see `agents.extensions`.
         contained: whether what a part raises ends that act or step only; a simulated world may want it raised.
         encounters: whether it keeps a record of each encounter.

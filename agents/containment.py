@@ -1,9 +1,9 @@
-"""What a part raises ends that act, answer, sample or step, never the process: counted, noted once, shown as impaired.
+"""Containment of errors: an exception in a part ends its act, answer, sample or step, never the process.
 
-A part whose step by time raises is left out for a second, a stream whose consumer raises, too; after three times within a
-minute each is out, and tried again each minute. Parts without which vehicles are not kept apart, or the platform is deaf, are
-`vital`: they are left out for a tenth of a second only, however often they raise. No part is rebuilt: it continues
-with the state it has. What has not failed for a little more than a minute is no longer impaired, which is noted.
+It is counted, noted once and shown as impaired. A part whose step by time raises is left out for a second, a stream
+whose consumer raises, too; after three times within a minute each is out, and retried each minute. Parts that keep
+vehicles apart or receive acts are `vital`: they are left out for a tenth of a second only, however often they raise.
+No part is rebuilt: it continues with its state. A place without a failure for 65 s is no longer impaired, which is noted.
 
 Three failures within a minute over acts of one member, and its acts are refused for a minute. Only what it signed
 counts, never at a place that fails over others, too, and a command centre is always heard. Times are the node clock.
@@ -31,7 +31,7 @@ DEAF_US: Final = 60_000_000
 QUIET_US: Final = RETRY_US + 5_000_000
 """How long after its last failure a place is impaired: it has been tried again by then."""
 OFFER_US: Final = 1_000_000
-"""What is shown changes at most so often."""
+"""Least time between announcements of changed conditions."""
 MOST: Final = 64
 """Places that are remembered, and members."""
 _SHOWN, _MAX_TEXT = 5, 160
@@ -64,14 +64,14 @@ class Containment:
     Args:
         note: takes words for users.
         now_us: the time of the present step.
-        cause: the unit that sent what is being looked at; empty: it was none.
+        cause: the unit whose message is being processed; empty: none.
         may_silence: whether acts of that unit are signed, and may be refused.
-        is_on: False: what is raised is not caught, as tests want it.
+        is_on: False: exceptions are not caught, as tests want it.
 
     Attributes:
         failures: how often a place raised.
-        senders: how often that was over what a member sent.
-        impaired: what is shown, by place.
+        senders: number of failures over messages of a member.
+        impaired: the impairments that are shown, by place.
         owner_of: the member behind a unit, which is refused under all its names.
         is_news: whether anything was caught; `Platform.settle` resets it.
     """
@@ -94,13 +94,13 @@ class Containment:
         self._lately_us: dict[str, list[int]] = {}
         self._refused_us: dict[str, int] = {}
         self.is_news = False
-        self._said: tuple[str, ...] = ()
+        self._announced: tuple[str, ...] = ()
         self._announced_us: int | None = None
 
     # -- what raises -------------------------------------------------------------------------------------------
 
     def caught(self, where: str, error: Exception, sender: str | None = None, *, by_act: bool = False) -> Impairment:
-        """Count, note once and show that `where` raised, over what `sender` sent; raises it again where nothing is caught.
+        """Count, note once and show that `where` raised, over a message of `sender`; raises it again unless `is_on`.
 
         `by_act`: the sender signed what it was over, if anything is signed here.
         """
@@ -110,10 +110,10 @@ class Containment:
         self.failures[where.partition(" of ")[0]] += 1
         found = self.impaired.get(where)
         if found is None:
-            found = self.impaired[where] = Impairment(_said(where, error), over, now_us, now_us)
+            found = self.impaired[where] = Impairment(_description(where, error), over, now_us, now_us)
             _bound(self.impaired)
-            about = f", over what {over} sent" if over else ""
-            self._note(f"impaired: {found.text}{about}; what it was doing is ended, the rest continues")
+            about = f", over messages of {over}" if over else ""
+            self._note(f"impaired: {found.text}{about}; its current operation is ended, the rest continues")
         else:
             found.count, found.last_us = found.count + 1, now_us
             found.over = over if over == found.over else ""
@@ -125,7 +125,7 @@ class Containment:
         return found
 
     def call(self, do: Callable[..., T], *given: Any, otherwise: T) -> T:
-        """What `do` returns, or `otherwise` if it raises."""
+        """Return the result of `do`, or `otherwise` if it raises."""
         try:
             return do(*given)
         except Exception as error:  # noqa: BLE001  (contained)
@@ -150,7 +150,7 @@ class Containment:
             return None
 
     def stream_out_us(self, do: Callable[..., object], label: str, error: Exception) -> int:
-        """What takes or makes samples of a stream raised: for how long it is left out."""
+        """Note that a consumer or producer of a stream raised; returns for how long it is left out."""
         where = f"{place_of(do)} of {label}"
         return self._weigh(where, self.caught(where, error))
 
@@ -209,10 +209,10 @@ class Containment:
     @property
     def deadline_us(self) -> int | None:
         """When what is shown is to be announced, or changes by time; None: nothing is impaired."""
-        if not self.impaired and not self._refused_us and not self._said:
+        if not self.impaired and not self._refused_us and not self._announced:
             return None
         ends_us = [found.last_us + QUIET_US for found in self.impaired.values()] + list(self._refused_us.values())
-        if self._announced_us is None or self._texts() != self._said:
+        if self._announced_us is None or self._texts() != self._announced:
             ends_us.append(0 if self._announced_us is None else self._announced_us + OFFER_US)
         return min(ends_us, default=None)
 
@@ -226,16 +226,16 @@ class Containment:
             del self._refused_us[unit]
             self._note(f"acts of {unit} are let in again")
         texts = self._texts()
-        if texts == self._said or (self._announced_us is not None and now_us < self._announced_us + OFFER_US):
+        if texts == self._announced or (self._announced_us is not None and now_us < self._announced_us + OFFER_US):
             return False
-        self._said, self._announced_us = texts, now_us
+        self._announced, self._announced_us = texts, now_us
         return True
 
     def _texts(self) -> tuple[str, ...]:
         return tuple(entry.text for entry in self.conditions())
 
     def conditions(self) -> Iterable[ConditionEntry]:
-        """What `ls` shows of it, the newest first."""
+        """The impairments as conditions for `ls`, the newest first."""
         for unit, until_us in list(self._refused_us.items())[-_SHOWN:]:
             text = f"impaired: acts of {unit} are refused for a minute: parts failed over them"
             yield ConditionEntry(text=text, since_us=max(0, until_us - DEAF_US))
@@ -243,7 +243,7 @@ class Containment:
             text = f"impaired: {len(self.impaired)} places; the newest {_SHOWN} are listed"
             yield ConditionEntry(text=text, since_us=min(max(0, found.since_us) for found in self.impaired.values()))
         for found in list(self.impaired.values())[: -_SHOWN - 1 : -1]:
-            over = f", over what {found.over} sent" if found.over else ""
+            over = f", over messages of {found.over}" if found.over else ""
             yield ConditionEntry(
                 text=f"impaired ({found.how}{over}): {found.text}"[:200], since_us=max(0, found.since_us)
             )
@@ -260,7 +260,7 @@ def sender_of(key: keys.Key | None) -> str:
 
 
 def place_of(do: Callable[..., object]) -> str:
-    """Class and method of what is called."""
+    """Class and method of a callable."""
     while isinstance(do, partial):
         do = do.func
     part, name = getattr(do, "__self__", None), getattr(do, "__name__", "call")
@@ -269,8 +269,8 @@ def place_of(do: Callable[..., object]) -> str:
     return str(getattr(do, "__qualname__", type(do).__name__)).replace(".<locals>", "")
 
 
-def _said(where: str, error: Exception) -> str:
-    """What was raised where, in printable words: what arrived may be part of it."""
+def _description(where: str, error: Exception) -> str:
+    """Place, type and text of an error, unprintable characters replaced: the text may quote a message."""
     try:
         words = str(error)
     except Exception:  # noqa: BLE001  (of an extension's error, too)

@@ -29,7 +29,7 @@ class PartDeadlines:
         self.due_us: int | None = None
 
     def forget(self) -> None:
-        """Everything may have changed."""
+        """Forget all deadlines: any of them may have changed."""
         self._change += 1
         self.due_us = None
 

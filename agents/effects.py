@@ -45,7 +45,7 @@ class Fed(NamedTuple):
 
 
 class FedTogether(NamedTuple):
-    """What several sources have at one instant: it becomes available at once, as one element of every join (4.3.16)."""
+    """Samples of several sources at one instant: they become available at once, as one element of every join (4.3.16)."""
 
     at_us: int
     samples: tuple[Fed, ...]
@@ -72,7 +72,7 @@ class HostCame(NamedTuple):
     host: int
 
 
-class HostSaid(NamedTuple):
+class HostMessage(NamedTuple):
     """One message of a host; `TakeHost` says that the next may come."""
 
     at_us: int
@@ -105,7 +105,7 @@ class SearchNews(NamedTuple):
 
 
 class SearchOver(NamedTuple):
-    """What a search came to: a plan as `MissionPlan.as_record` has it, or None and why; it took so long (node clock)."""
+    """Result of a search: a plan as by `MissionPlan.as_record`, or None and a reason; duration by the node clock."""
 
     at_us: int
     number: int
@@ -117,13 +117,13 @@ class SearchOver(NamedTuple):
 
 
 class Impaired(NamedTuple):
-    """Something of this process no longer works, such as its journal; the platform continues without it."""
+    """A component of this process no longer works, such as its journal; the platform continues without it."""
 
     at_us: int
     text: str
 
 
-HostEvent: TypeAlias = HostCame | HostSaid | HostLeft
+HostEvent: TypeAlias = HostCame | HostMessage | HostLeft
 Event: TypeAlias = (
     WireEvent
     | Reported
@@ -149,10 +149,10 @@ class Compute(NamedTuple):
 
 
 class RunSearch(NamedTuple):
-    """Search for a plan in a process of its own, at most for `limit_us`; `SearchNews` and `SearchOver` tell what comes of it.
+    """Search for a plan in a process of its own, at most for `limit_us`; `SearchNews` and `SearchOver` report on it.
 
-    `units`: those that may act; None: all. `looking`: a problem of looking instead, as `planning/contingent/sent_problems.py` has it;
-    `reading`: texts to be read instead, as `agents/missions/mission_texts.py` has them.
+    `units`: the units that may act; None: all. `looking`: a problem of looking instead, in the format of
+    `planning/contingent/sent_problems.py`; `reading`: texts to be read instead, as of `agents/missions/mission_texts.py`.
     """
 
     number: int
@@ -179,7 +179,7 @@ class InjectFault(NamedTuple):
 
 
 class Note(NamedTuple):
-    """Something a person should know: it goes to the log."""
+    """A text for users, which goes to the log."""
 
     at_us: int
     text: str
@@ -239,7 +239,7 @@ HostEffect: TypeAlias = TellHost | TakeHost | DropHost
 
 
 class Halt(NamedTuple):
-    """This platform cannot continue in the federation, and why."""
+    """End of the platform: the reason why it cannot continue in the federation."""
 
     reason: str
 

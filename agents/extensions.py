@@ -39,16 +39,16 @@ def load_extension(name: str) -> Extension:
     installed = entry_points(group=GROUP, name=name)
     module = load_module(next((each.value for each in installed), name), f"the extension {name!r}")
     if not any(hasattr(module, each) for each in ("PARTS", "LABELS", "COMMANDS")):
-        raise UnitError(f"{name} is no extension: it is no module with PARTS, LABELS or COMMANDS")
+        raise UnitError(f"extension {name}: expected a module with PARTS, LABELS or COMMANDS")
     parts = tuple(getattr(module, "PARTS", ()))
     for part in parts:
         if not (isinstance(part, type) and issubclass(part, Part)):
-            raise UnitError(f"extension {name}: {part!r} in PARTS is no class derived from agents.part.Part")
+            raise UnitError(f"extension {name}: PARTS: expected classes derived from agents.part.Part, got {part!r}")
     return Extension(module, parts, str(getattr(module, "LABELS", "")))
 
 
 def typed_actions(extensions: Iterable[str] = ()) -> Mapping[str, Action]:
-    """What a person can ask for by `dyknow delegate`, by head; those of extensions come last.
+    """Actions that a user can request by `dyknow delegate`, by head; actions of extensions come last.
 
     Raises:
         UnitError: an extension does not load.

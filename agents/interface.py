@@ -31,10 +31,10 @@ class InterfaceAgent:
         lasting: the heads of requests that live until they are cancelled.
         audit_log: takes every act that passes.
         on_peer: called with every change of a peer.
-        contain: what becomes of an answer whose taker raises.
+        contain: contains errors of the callback that takes an answer.
 
     Attributes:
-        member: what it takes to be in a federation: directory, clock offsets, imported streams, acts.
+        member: membership in the federation: directory, clock offsets, imported streams, acts.
         requests: acts that arrived and were not admitted yet.
         lost: the opening acts of conversations whose initiators are gone.
     """

@@ -1,4 +1,4 @@
-"""A part of a platform: what it understands, which events it takes, when it is due. A new capability is a new part."""
+"""A part of a platform: the acts and events that it takes, and when it is due. A new capability is a new part."""
 
 from collections.abc import Callable, Iterable, Mapping, Sequence
 from typing import ClassVar, Final, NamedTuple, Protocol, TypeAlias
@@ -18,11 +18,11 @@ class ClockCompared(NamedTuple):
 
 
 PeerChange: TypeAlias = DirectoryEvent | ClockCompared
-"""Something about another platform: it, a service or a label came or went, or its clock was compared."""
+"""A change of another platform: it, a service or a label came or went, or its clock was compared."""
 
 
 class Timed(Protocol):
-    """What has work at a time: a part, or something in it that has a deadline of its own."""
+    """Something with work at a time: a part, or a component of it with a deadline of its own."""
 
     @property
     def deadline_us(self) -> int | None:
@@ -74,21 +74,21 @@ class Part:
         return ()
 
     def conditions(self) -> Iterable[ConditionEntry]:
-        """What a person should know of its state now; `ls` shows it. After a change call the port `offer`."""
+        """The conditions of its state that users should know; `ls` shows them. After a change call the port `offer`."""
         return ()
 
     def start(self, now_us: int) -> None:
         """The platform comes into the federation."""
 
     def on_time(self, now_us: int) -> "Followed":  # noqa: ARG002
-        """It is due; called at `deadline_us` or a little later."""
+        """Do the work that is due; called at `deadline_us` or a little later."""
         return None
 
     def flush(self) -> None:
         """A step that may have changed anything ends: emit what was gathered."""
 
     def on_peer(self, change: PeerChange, now_us: int) -> None:
-        """Something about another platform."""
+        """Take a change of another platform: it, a service, a label, or the comparison of its clock."""
 
     def on_alarm(self, event: AlarmEvent, now_us: int) -> None:
         """An alarm opened or closed here."""
@@ -107,7 +107,7 @@ class Part:
 
 
 class Within(NamedTuple):
-    """Something in a part with a deadline of its own, which is asked for instead of that of the whole part."""
+    """A component of a part, whose deadline is computed again instead of that of the whole part."""
 
     part: Part
     timed: Timed

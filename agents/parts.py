@@ -1,8 +1,8 @@
 """The parts of a platform, listed once: a new capability is registered here, or named as an extension.
 
-The order is the order in which parts are stepped by time, by peers and by alarms: what makes samples, what sends
-and takes them, what keeps conversations, what reacts to peers and alarms; the directory comes last, since a platform
-comes into the federation when it can answer.
+Parts are stepped by time, by peers and by alarms in this order: producers of samples, exchange of samples,
+conversations, reactions to peers and alarms; the directory comes last, since a platform comes into the federation when
+it can answer.
 """
 
 from collections.abc import Callable, Sequence
@@ -175,7 +175,7 @@ class PlatformParts(PartRegistry):
 
     @property
     def tasks(self) -> TaskLife:
-        """What was asked for and lasts."""
+        """The accepted requests that last until they are cancelled."""
         return self[TaskLife]
 
 

@@ -77,9 +77,9 @@ class FlightLimits:
 
 
 class Bounds:
-    """What is known of home and of the autopilot's own fence, and what lies outside.
+    """Home and the autopilot's own fence, as far as they are known, and the check of places against them.
 
-    Home is what the vehicle reports; its altitude alone also follows from an altitude and a height above home.
+    The vehicle reports home; its altitude alone also follows from an altitude and a height above home.
 
     Attributes:
         unknown_ground: the first place that was to be flown to or over whose elevation is not known, in degrees.
@@ -95,7 +95,7 @@ class Bounds:
     def on_home(self, home: HomeReport, *, flying: bool) -> str | None:
         """Take a home over, or say why not: in flight it does not leap."""
         if not all(map(isfinite, home[1:])):
-            return "home is no place"
+            return "home: expected finite degrees and metres"
         known = self._last_home
         if flying and known is not None:
             level_m = distance_m(known.latitude_deg, known.longitude_deg, home.latitude_deg, home.longitude_deg)
@@ -209,7 +209,7 @@ def _shown(area: FenceArea) -> Fence:
 
 
 def fences_of(bounds: Bounds, limits: FlightLimits, profiles: Mapping[str, Profile]) -> tuple[Fence, ...]:
-    """What this platform keeps its vehicle in, what the autopilot does, and what its profiles compare positions with."""
+    """The fences of a vehicle: this platform's limits, the autopilot's own fence, and those of the monitor profiles."""
     home, own = bounds.home, bounds.fence
     centre = None if home is None else place_text(home.latitude_deg, home.longitude_deg)
     found = [

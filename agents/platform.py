@@ -39,8 +39,8 @@ class Platform:
     Attributes:
         ports, built: the ports of the parts, and the parts by class, for observers from outside.
         deadlines: when its parts have work next.
-        refused: what arrived and was dropped before it reached a part, by reason.
-        containment: what parts raised, and what follows.
+        refused: number of messages dropped before they reached a part, by reason.
+        containment: contains and counts the errors of parts.
     """
 
     def __init__(self, config: PlatformConfig, now_us: int) -> None:
@@ -126,7 +126,7 @@ class Platform:
         return self.settle()
 
     def _start(self, parts: Sequence[Part]) -> None:
-        """Start parts; one that raises is started again when its pause ends."""
+        """Start parts; a part that raises is started again when its pause ends."""
         step, is_stepped, now_us = self.containment.step, self.containment.is_stepped, self._now_us
         self._unstarted = [part for part in parts if not is_stepped(part) or not step(part, part.start, now_us)]
 
@@ -242,15 +242,15 @@ class Platform:
 
     def _labels(self) -> Sequence[LabelEntry]:
         """The semantic labels of all parts: of two of one name, that of the later part."""
-        return tuple({entry.label: entry for part in self.parts for entry in self._said(part.labels)}.values())
+        return tuple({entry.label: entry for part in self.parts for entry in self._declared_by(part.labels)}.values())
 
     def _conditions(self) -> Sequence[ConditionEntry]:
-        """What a description has room for: what is impaired first."""
-        found = [entry for part in self.parts for entry in self._said(part.conditions)]
+        """The conditions for the description, impairments first, as many as it has room for."""
+        found = [entry for part in self.parts for entry in self._declared_by(part.conditions)]
         return (*self.containment.conditions(), *found)[:MAX_CONDITIONS]
 
-    def _said(self, say: Callable[[], Iterable[E]]) -> tuple[E, ...]:
-        """All that a part says of itself, nothing if it raises."""
+    def _declared_by(self, say: Callable[[], Iterable[E]]) -> tuple[E, ...]:
+        """The labels or conditions of a part, empty if it raises."""
         try:
             return tuple(say())
         except Exception as wrong:  # noqa: BLE001  (contained)
@@ -283,7 +283,7 @@ class Platform:
         return ()
 
     def _first(self, handlers: Sequence[Handler], event: Event, now_us: int) -> Followed:
-        """What the first of several parts makes of an event that is its own."""
+        """Pass an event to the parts in turn until one takes it as its own."""
         for handler in handlers:
             try:
                 followed = handler(event, now_us)

@@ -83,7 +83,7 @@ class Ports:
     Attributes:
         emit: takes an effect; note: words for users; refuse: counts dropped messages, by reason.
        on_peer, on_alarm: tell all parts of a change of a peer, of an alarm.
-        services, labels, conditions: what all parts offer and show.
+        services, labels, conditions: those of all parts.
         now_us: the node clock of the present step.
         contain: the fate of an exception of a part.
         above: the services of parts for others that are built before them.

@@ -1,9 +1,8 @@
-"""A platform that has too much to do does less, by declared importance, and reports it.
+"""Load shedding: an overloaded platform does less, by declared importance, and reports it.
 
-Beyond what a machine can do every message makes the others later, until nothing is in time. So a platform whose thread
+On an overloaded machine every message makes the others later, until nothing is in time. So a platform whose thread
 waits for a processor sends its streams less often, and looks at its monitors less often: the least important first.
-Each message of samples states how often they come; `ls` shows it as a condition. When there is time again all is as
-declared.
+Each message of samples states how often they come; `ls` shows it as a condition. When the load ends all is as declared.
 """
 
 from collections.abc import Iterable
@@ -25,12 +24,12 @@ TOO_MUCH: Final = (0.30, 0.40)
 ENOUGH: Final = (0.12, 0.18)
 """Parts of the time without a processor, by level: above the one less is done; below the other, of the level before, more."""
 HARDER_US: Final = 2_000_000
-"""Between two steps down: what the first one saves must show first."""
+"""Time between two steps down: the effect of the first must show before the second."""
 EASIER_US: Final = 2_500_000
 EASIER_MOST_US: Final = 40_000_000
 """How long there must be time before more is done again; it doubles when that was too early."""
 TOLD_US: Final = 5_000_000
-"""So long after the end the condition is shown: it is not withdrawn and renewed all the time."""
+"""How long the condition is shown after its end, so that it is not withdrawn and renewed all the time."""
 
 
 class Shedding(Part):
@@ -59,7 +58,7 @@ class Shedding(Part):
         return () if self._shown is None else (self._shown,)
 
     def on_pressed(self, event: Pressed, now_us: int) -> None:
-        """What the process measured; twice a second while it is much."""
+        """Take the process' measurement of its load; it comes twice a second while the load is high."""
         if not self._may_shed:
             return
         self._part = event.part

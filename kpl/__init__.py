@@ -1,7 +1,7 @@
 """KPL, the thesis' knowledge processing language: reading, checking and running specifications."""
 
 from kpl.checking.formulas import FeatureType, Vocabulary, check, read_formula
-from kpl.checking.lint import Remark, remarks
+from kpl.checking.lint import LintWarning, lint
 from kpl.checking.profiles import profile_formula, unit_vocabulary
 from kpl.checking.specifications import Findings
 from kpl.checking.symbols import Constant, Known
@@ -24,11 +24,12 @@ __all__ = [
     "Hooks",
     "Instance",
     "Known",
+    "LintWarning",
     "ReadSpecification",
-    "Remark",
     "Specification",
     "Vocabulary",
     "check",
+    "lint",
     "parse_chronicles",
     "parse_formula",
     "parse_specification",
@@ -40,6 +41,5 @@ __all__ = [
     "read_chronicles",
     "read_formula",
     "read_specification",
-    "remarks",
     "unit_vocabulary",
 ]

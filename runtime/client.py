@@ -25,7 +25,7 @@ from runtime.configuration.settings import Settings
 
 T = TypeVar("T")
 SETTLE_S = 1.0
-NOBODY_US = 600_000
+ALONE_US = 600_000
 """After this long without a link to anyone there is no platform to wait for."""
 QUIET_US = 250_000
 _LAST_WORDS_S = 0.3
@@ -64,7 +64,7 @@ Clock = Callable[[], int]
 _log = getLogger("dyknow")
 
 
-class Surroundings(NamedTuple):
+class ClientPorts(NamedTuple):
     """The ports of a client.
 
     Attributes:
@@ -84,7 +84,7 @@ class Client:
     """A command centre, its mailbox and its wire. Nothing happens but inside `step`, which its waiting calls.
 
     Args:
-        around: its ports.
+        ports: its ports.
         make_centre: given the identity of the session, for tokens, and the time.
         federation: its name, for messages.
         extensions: modules that bring further tasks and semantic labels.
@@ -96,7 +96,7 @@ class Client:
 
     def __init__(
         self,
-        around: Surroundings,
+        ports: ClientPorts,
         make_centre: Callable[[str, int], CommandCentre],
         federation: str = "default",
         extensions: tuple[str, ...] = (),
@@ -105,8 +105,8 @@ class Client:
         self.federation, self.extensions = federation, extensions
         self._ontology_file = ontology
         self.on_trouble: Callable[[str, str], None] = lambda unit, why: _log.warning("platform %s: %s", unit, why)
-        self.now_us, self._mailbox, self._trouble = around.now_us, around.mailbox, around.trouble
-        self._wire = around.open_wire(self._mailbox.put, self.now_us)
+        self.now_us, self._mailbox, self._trouble = ports.now_us, ports.mailbox, ports.trouble
+        self._wire = ports.open_wire(self._mailbox.put, self.now_us)
         self._since_us = self.now_us()
         self.centre, self._not_heard = make_centre(self._wire.zid, self._since_us), set[str]()
         self.centre.on_refused = self._say_refused
@@ -188,10 +188,10 @@ class Client:
         now_us = self.now_us()
         if self.centre.settled(now_us, QUIET_US):
             return True
-        is_alone = now_us >= self._since_us + NOBODY_US and not self.centre.platforms(all_kinds=True)
+        is_alone = now_us >= self._since_us + ALONE_US and not self.centre.platforms(all_kinds=True)
         return is_alone and not self._wire.peers()
 
-    def nobody(self) -> str:
+    def no_platform(self) -> str:
         """That there is no platform, and what to do about it."""
         trouble = "".join(f"\n{why}" for why in self._trouble())
         signs = "" if self.centre.member.trust is not None else ", or their roster, if they have one, with --roster"
@@ -265,7 +265,7 @@ class Client:
         """
         units = [view.unit for view in self.centre.platforms()]
         if not units:
-            raise NothingFound(self.nobody())
+            raise NothingFound(self.no_platform())
         if unit is None:
             return units
         if unit not in units:
@@ -314,7 +314,7 @@ def command_centre(settings: Settings, unit: str, key: Path | None = None) -> Ca
     return made
 
 
-def surroundings(wire: WireConfig) -> Surroundings:
+def client_ports(wire: WireConfig) -> ClientPorts:
     """A Zenoh session and the clock of this process.
 
     Raises:
@@ -336,4 +336,4 @@ def surroundings(wire: WireConfig) -> Surroundings:
 
         return unreachable(wire.connect)
 
-    return Surroundings(SimpleQueue(), NodeClock().now_us, opened, trouble)
+    return ClientPorts(SimpleQueue(), NodeClock().now_us, opened, trouble)

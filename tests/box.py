@@ -37,7 +37,7 @@ from navigation.vehicle import (
     StatusReport,
     VelocityReport,
 )
-from runtime.client import Surroundings
+from runtime.client import ClientPorts
 from sim_uavs.dynamics.faults import SimulatedFault
 from sim_uavs.world.sessions import Direction, Session, SessionLink
 from sim_uavs.world.units import WorldNode
@@ -369,9 +369,9 @@ class Box(World):
     def cut(self, one: Iterable[str], other: Iterable[str]) -> None:
         self.partition(one, other)
 
-    def surroundings(self) -> Surroundings:
+    def client_ports(self) -> ClientPorts:
         """For a program that takes part."""
-        return Surroundings(Inbox(self), lambda: self.now_us, lambda post, _now_us: ProgramWire(self, post))
+        return ClientPorts(Inbox(self), lambda: self.now_us, lambda post, _now_us: ProgramWire(self, post))
 
     def step(self, until_us: int) -> bool:
         """Do what is due next by `until_us`; False, and that time, if there is nothing."""

@@ -1,7 +1,7 @@
 """Which acts are let in: limits, services, visibility and roles, from the table of actions (thesis 9.3.2).
 
-A public service answers any agent on any platform, a protected one only through the Interface Agent. What is private to a
-platform is no service: its parts call each other, and no act reaches that. Times are the node clock.
+A public service answers any agent on any platform, a protected one only through the Interface Agent. A private function
+is no service: only parts of the same platform call it, no act reaches it. Times are the node clock.
 """
 
 from collections.abc import Callable, Iterable
@@ -58,9 +58,9 @@ class Admission(Part):
         parts: all others of the platform: their actions, cancels and losses.
         limits: how much one member may ask.
         share_of: under which name it is counted.
-        role_of: what a unit may ask for.
-        refuse: counts what is dropped before it is an act.
-        contain: what becomes of an act whose part raises.
+        role_of: unit -> its role.
+        refuse: counts messages that are dropped before they are decoded as acts.
+        contain: contains errors that the part handling an act raises.
         watch: takes acts that are refused for their sender.
         offer: called when the conditions that `ls` shows change.
 
@@ -91,7 +91,7 @@ class Admission(Part):
     # -- events ------------------------------------------------------------------------------------------------
 
     def on_act(self, event: Arrived, now_us: int) -> Followed:
-        """Bytes on an act key; raises DecodeError for what is none."""
+        """Take bytes that arrived on an act key; raises DecodeError for any other key."""
         key = keys.parse_key(event.key)
         if not isinstance(key, keys.ActKey):
             raise errors.DecodeError("key")
@@ -175,10 +175,10 @@ class Admission(Part):
         return self._interface.acts.refuse(act._replace(reply_to=None), performative, reason_of(error), now_us)
 
     def _admit(self, act: Act, now_us: int) -> None:
-        """Through the door, or not.
+        """Check an act against limits, services and roles, and pass it to its part.
 
         Raises:
-            Denied, ContentError, and what the part that handles it raises.
+            Denied, ContentError, and the errors of the part that handles it.
         """
         sender = act.sender.unit
         if not self._contain.is_heard(sender):

@@ -17,7 +17,7 @@ from federation.messages.sexpr import Expr
 ACTS_A_PAGE = 25
 LONGEST_ACT = 2000
 LONGEST_OUTCOME = 400
-ACCOUNT: Final = Service("account", "account")
+AUDIT_LOG: Final = Service("account", "account")
 
 
 class MessageLog(Part):
@@ -25,7 +25,7 @@ class MessageLog(Part):
 
     offers = (
         Offer(
-            ACCOUNT,
+            AUDIT_LOG,
             (
                 Action(Acts, "on_subscribe", SUBSCRIBED, Role.OBSERVER),
                 Action(ActList, "on_act_list", QUERIED, Role.OBSERVER),
@@ -49,7 +49,7 @@ class MessageLog(Part):
         self._agent.answer_pages(act, acts, ACTS_A_PAGE, lambda page, more: ActList(acts=page, more=more), now_us)
 
     def _on_entry(self, entry: AuditEntry) -> None:
-        """Subscribers hear neither of what they are informed of, nor of their own questions about it."""
+        """Inform the subscribers, except of acts in the conversations in which they subscribed."""
         if not self._subscribers:
             return
         if entry.act is None or (entry.peer, entry.act.conversation_id) not in self._subscribers:
@@ -63,7 +63,7 @@ class MessageLog(Part):
 
 
 def _content_of(entry: AuditEntry) -> ActLog:
-    """An entry as it is sent. What was answered about the log is without its entries: it would hold the log again."""
+    """Content of an entry; a logged `act-list` is sent without its entries, or it would hold the log again."""
     act = entry.act
     if act is not None and act.content is not None and act.content.head == ActList.head:
         rest = {name: value for name, value in act.content.arguments.items() if name != "acts"}

@@ -2,7 +2,7 @@
 
 A permit is for one mission and names its leader and those that may succeed it, in their order, and runs out after an hour. A
 successor is obeyed only when all before it are gone here: `agents.tasks.authority`. A leader carries the permit, which is the
-command centre's act, to the vehicles that it names. What a delegation says of where it comes from proves nothing.
+command centre's act, to the vehicles that it names. A delegation's own statement of its origin proves nothing.
 """
 
 from collections.abc import Callable
@@ -22,7 +22,7 @@ class Permits:
     """The permits of one platform. Times are the node clock.
 
     Args:
-        role_of: what a unit may ask for.
+        role_of: unit -> its role.
         authority: knows the order of succession, and which platforms are here.
     """
 

@@ -1,7 +1,7 @@
-"""How far other platforms are trusted, in [0, 1]: as the federation's file declares, and less where one contradicts what is believed.
+"""Trust in other platforms, in [0, 1]: declared in the federation's file, reduced where one contradicts beliefs.
 
-Samples of a platform are as much less certain when they arrive. What it promises in a call, its part in the merged answer of a
-query and its say in how an object is called count as much less.
+It scales the certainty of a platform's samples when they arrive, the weight of its offers in a call, of its readings
+in the merged answer of a query, and of its vote on the name of an object.
 """
 
 from agents.part import Part, PeerChange
@@ -25,7 +25,7 @@ class PlatformTrust(Part):
         return self._trusted.get(unit, 1.0)
 
     def found(self, unit: str) -> float:
-        """How far by what is believed here."""
+        """Trust in a platform by the beliefs of this one."""
         return trust_in(self._network, unit)
 
     def of(self, unit: str) -> float:

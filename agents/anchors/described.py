@@ -51,14 +51,12 @@ def _property(part: Formula, symbol: str) -> tuple[str, Allowed]:
             if len({name for name, _ in found}) == 1 and all(isinstance(each, AllowedValues) for _, each in found):
                 degrees = [pair for _, each in found if isinstance(each, AllowedValues) for pair in each.degrees]
                 return found[0][0], AllowedValues(tuple(dict.fromkeys(degrees)))
-    raise Refused(
-        f"description: looking again is for properties compared with values, joined by and, as {EXAMPLE}", "text"
-    )
+    raise Refused(f"description: expected properties compared with values, joined by and; write {EXAMPLE}", "text")
 
 
 def _name(feature: tree.Feature, symbol: str) -> str:
     if feature.objects != (tree.Variable(symbol),) or feature.attribute is not None:
-        raise Refused(f"description: properties are of {symbol} alone, as {feature.name}[{symbol}]", "text")
+        raise Refused(f"description: expected properties of {symbol} alone; write {feature.name}[{symbol}]", "text")
     return feature.name
 
 
@@ -66,7 +64,7 @@ def _allowed(sign: str, value: bool | float | str) -> Allowed:
     if sign == "=":
         return AllowedValues(((value if isinstance(value, bool | str) else float(value), 1.0),))
     if isinstance(value, bool | str):
-        raise Refused(f"description: only numbers are greater or less, {value!r} is none", "text")
+        raise Refused(f"description: {sign}: expected a number, got {value!r}", "text")
     return AllowedInterval(float(value), inf) if sign in {">", ">="} else AllowedInterval(-inf, float(value))
 
 

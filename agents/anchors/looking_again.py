@@ -47,7 +47,7 @@ PLACE: Final = ("x_m", "y_m")
 
 
 class RecoveryPorts(Protocol):
-    """Its interface to the platform. Times are the node clock unless they are named otherwise."""
+    """Interface of a recovery to its platform. Times are the node clock unless they are named otherwise."""
 
     def anchor(self, symbol: str | None, now_us: int) -> str: ...
     def fly(self, number: int, place: Viewpoint, why: str, now_us: int) -> str: ...
@@ -165,7 +165,7 @@ class LookingAgain:
         self._end(now_us)
 
     def on_lost(self, federation_us: int) -> None:
-        """Nothing shows it any longer."""
+        """Note that no percept shows the object any longer."""
         if self.anchored:
             self._lost_us, self._last = federation_us, self._objects.place(self.symbol)
             seen = [each for each in self._objects.percepts() if each != self.symbol]
@@ -174,7 +174,7 @@ class LookingAgain:
             self._due_us = federation_us + FIND_US
 
     def on_reacquired(self, federation_us: int) -> None:
-        """Something shows it again, which may be another."""
+        """Note that a percept shows the object again, or another one like it."""
         if self._lost_us is not None and federation_us - self._lost_us >= LONG_GAP_US:
             self._due_us = federation_us + FIND_US
 
@@ -406,7 +406,7 @@ class LookingAgain:
             self._ports.leave(now_us)
 
     def end(self, now_us: int) -> None:
-        """It is wanted no more."""
+        """End the recovery: the object is no longer wanted."""
         self._end(now_us)
 
     def _say(self, kind: str, text: str, now_us: int) -> None:

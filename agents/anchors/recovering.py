@@ -116,7 +116,7 @@ class _Recovery:
             self.looking.on_reacquired(federation_us)
 
     def end(self, now_us: int) -> None:
-        """It is wanted no more."""
+        """End the recovery: the object is no longer wanted."""
         self.looking.end(now_us)
         if self._undo is not None:
             self._undo()
@@ -229,9 +229,9 @@ class _Recovery:
         """The answer to its question; raises Refused: it is not open, or that is no answer."""
         looking = self.looking
         if not looking.question or number != looking.questions:
-            raise Refused("that question is not open", "no-question")
+            raise Refused(f"question {number} is not open", "no-question")
         if answer not in looking.question:
-            raise Refused(f"{answer!r} is no answer; answers are {', '.join(looking.question)}", "no-answer")
+            raise Refused(f"expected one of {', '.join(looking.question)}, got {answer!r}", "no-answer")
         self.say("answered", f"{by}: {answer}", now_us)
         looking.answer(answer, self._part.federation_us(now_us), now_us)
 
@@ -290,7 +290,7 @@ class RecoveringAnchors(Part):
         return end
 
     def on_event(self, conversation: str, event: LinkEvent) -> None:
-        """Something happened to a wanted object."""
+        """Pass an event of a wanted object on to its recovery."""
         if conversation in self._recoveries:
             self._recoveries[conversation].on_event(event, self._now_us)
 
@@ -383,5 +383,5 @@ class RecoveringAnchors(Part):
         self._emit(Tell({"event": "anchor", "symbol": symbol, "what": kind, "text": text, "at_us": now_us}))
         self._note(f"anchor {symbol}: {kind}: {text}"[:400])
         if self._directory.is_present(unit):
-            told = Progress(step=f"{kind}: {text}"[:1000], unit=self.unit)
-            self._agent.tell(unit, told, now_us, conversation=wanted.task.conversation)
+            progress = Progress(step=f"{kind}: {text}"[:1000], unit=self.unit)
+            self._agent.tell(unit, progress, now_us, conversation=wanted.task.conversation)

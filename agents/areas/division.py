@@ -225,9 +225,9 @@ class AreaDivision(Part):
                 if not divided.open:
                     self._divide(divided, at_us)
 
-        def on_reply(_act: Act, said: Content | None, at_us: int) -> None:
-            if isinstance(said, Samples) and said.samples and said.samples[-1].value is not NO_VALUE:
-                values = dict(said.samples[-1].value)
+        def on_reply(_act: Act, content: Content | None, at_us: int) -> None:
+            if isinstance(content, Samples) and content.samples and content.samples[-1].value is not NO_VALUE:
+                values = dict(content.samples[-1].value)
                 if all(isinstance(values.get(name), int | float) for name in ASKED[label]):
                     ability.values[label] = values
             answered(at_us)
@@ -361,7 +361,7 @@ class AreaDivision(Part):
         self._ask(divided, now_us)
 
     def _on_led(self, task: str) -> None:
-        """Another platform leads it, and may: this one does no longer."""
+        """Stop leading a task that another platform leads by right."""
         self.succeeds_us.pop(task, None)
         if self.areas.pop(task, None) is not None:
             self._tasks.forget(task)

@@ -123,7 +123,7 @@ class Scanning(Part):
         self._show("", now_us)
 
     def _take(self, piece: AssignedPiece, now_us: int) -> None:
-        """Another piece, or the same in a newer division: seen cells of the area stay seen."""
+        """Begin another piece, or the same in a newer division: seen cells of the area stay seen."""
         content, scan, asked = piece.content, self.scan, piece.evidence.content
         if not isinstance(asked, DivideArea):
             return
@@ -165,7 +165,7 @@ class Scanning(Part):
         if scan is None or value is NO_VALUE or value[0] != scan.task:
             return
         if not scan.grid.merge(str(value[2])):
-            self._note(f"scan: what platform {unit} says it has seen is of no such area")
+            self._note(f"scan: the cells seen by platform {unit} are of another area; they are ignored")
 
     # -- the flight --------------------------------------------------------------------------------------------
 
@@ -235,7 +235,7 @@ class Scanning(Part):
             self._joined = ""
             self._performing.leave(now_us, is_over=self.scan is None)
 
-    # -- what is told ------------------------------------------------------------------------------------------
+    # -- reports -----------------------------------------------------------------------------------------------
 
     def _tell(self, scan: _Scan, federation_us: int, now_us: int) -> None:
         valid_us = federation_us // PERIOD_US * PERIOD_US

@@ -38,7 +38,7 @@ ATTENTION = "camera-attention"
 """Semantic label."""
 PERIOD_US = 200_000
 REPEAT_US = 1_000_000
-"""So often an order is repeated that has not changed."""
+"""Period at which an unchanged order is repeated."""
 MOVED_M = 1.0
 SEARCHED_M = 150.0
 """How far around the camera ground is searched where no roads are known; the vehicle moves so far before it is others."""

@@ -165,8 +165,8 @@ class Following(Part):
         self._show(text[:200], now_us)
         unit = task.act.sender.unit
         if self._directory.is_present(unit):
-            told = Progress(step=text[:200], unit=self._agent.unit)
-            self._agent.tell(unit, told, now_us, conversation=task.conversation)
+            message = Progress(step=text[:200], unit=self._agent.unit)
+            self._agent.tell(unit, message, now_us, conversation=task.conversation)
 
     # -- paused ------------------------------------------------------------------------------------------------
 
@@ -183,7 +183,7 @@ class Following(Part):
             self._tell(task, f"{task.symbol} is not followed meanwhile: {reason}", now_us)
 
     def go_on(self, overtaken: str, now_us: int) -> None:
-        """It is free again; `overtaken`: its pilot or a user has it, which ends the task."""
+        """Resume following when the vehicle is free; `overtaken`: its pilot or a user has it, which ends the task."""
         task, federation_us = self._task, self._clock.federation_us(now_us)
         if task is None or not task.paused:
             return
@@ -219,8 +219,8 @@ class Following(Part):
             return
         if not task.is_taken and task.errand is not None and task.errand.is_taken:
             task.is_taken = True
-            told = Done(text=f"follows {task.symbol}: {task.errand.words}")
-            self._agent.answer(task.act, Performative.INFORM, told, now_us)
+            message = Done(text=f"follows {task.symbol}: {task.errand.words}")
+            self._agent.answer(task.act, Performative.INFORM, message, now_us)
         objects = self._read(task.symbol, federation_us)
         followed = next((each for each in objects if each.interest == "followed"), None)
         place = None if followed is None else expected(followed.places)

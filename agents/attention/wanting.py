@@ -177,5 +177,5 @@ class Wanting(Part):
                 text, search.text, search.due_us = search.text[:LONGEST_TEXT], "", now_us + EVERY_US
                 unit = search.task.initiator
                 if self._directory.is_present(unit):
-                    told = Progress(step=text, unit=self._agent.unit)
-                    self._agent.tell(unit, told, now_us, conversation=search.task.conversation)
+                    progress = Progress(step=text, unit=self._agent.unit)
+                    self._agent.tell(unit, progress, now_us, conversation=search.task.conversation)

@@ -40,7 +40,7 @@ class CalledStream:
         self.since_us: int | None = None
 
     def need(self, wanted: bool, now_us: Callable[[], int]) -> None:
-        """It has subscribers here from now on, or none any longer."""
+        """Begin the call when the stream gets subscribers here, end it when it has none."""
         if wanted and self.call is None:
             self.call = self._begin(self)
         elif not wanted and self.call is not None:

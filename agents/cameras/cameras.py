@@ -21,7 +21,7 @@ from navigation.vehicle import AttitudeReport, ImageReport, MountReport
 PERCEPTS, STATE, VIEW, PERSONS = "vision-percepts", "camera-state", "camera-view", "person-percepts"
 """Semantic labels."""
 CHANNELS = ("thermal", "colour")
-"""Those of detectors of persons."""
+"""Channels of detectors of persons."""
 PERIOD_US = 100_000
 BLIND_US = 5_000_000
 """After so long without any image of known place that is a condition."""

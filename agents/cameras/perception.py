@@ -71,7 +71,7 @@ class Perception:
         self._estimator.on_estimate(valid_us, estimate)
 
     def on_attitude(self, report: AttitudeReport) -> None:
-        """Take an attitude; one that is not a number is left out."""
+        """Take an attitude; an attitude with NaN or infinite angles is left out."""
         if all(map(isfinite, report[2:])):
             self._estimator.on_attitude(report)
 

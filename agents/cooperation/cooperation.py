@@ -34,7 +34,7 @@ from federation.messages.contents import ObjectPicture, PictureEntry
 from federation.messages.descriptions import LabelEntry
 
 CLAIMS_US = 1_000_000
-"""So often a claim is repeated that has not changed."""
+"""Period at which an unchanged claim is repeated."""
 ROWS_A_PAGE = 40
 NAMES_A_LIFE = 100
 
@@ -90,7 +90,7 @@ class Cooperation(SharedMap):
         self._due_us = 0
 
     def _meet(self, unit: str, boot: int, now_us: int) -> None:
-        """Another platform exports tracks."""
+        """Take another platform that exports tracks into the picture."""
         if self.picture is None or unit == self._unit or self._agreements.disagreement(unit, TRACKS):
             return
         federation_us = self._clock.federation_us(now_us)

@@ -143,13 +143,15 @@ class Handover(Part):
             raise Refused("this platform has no picture: its specification does not export object-tracks", "no-picture")
         unit, level = content.unit, content.level
         if unit is not None and unit not in self._partners():
-            raise Refused(f"platform {unit} shares nothing", "no-partner")
+            partners = ", ".join(self._partners()) or "none"
+            raise Refused(f"platform {unit} shares nothing; platforms that do: {partners}", "no-partner")
         if level == "auto":
             self._fixed = {} if unit is None else {each: one for each, one in self._fixed.items() if each != unit}
         elif level is not None:
             for each in self._partners().values():
                 if each.unit == (unit or each.unit) and level not in {*each.levels, "none"}:
-                    raise Refused(f"platform {each.unit} offers {', '.join(sorted(each.levels))}", "not-offered")
+                    levels = ", ".join(sorted(each.levels))
+                    raise Refused(f"platform {each.unit}: expected none or {levels}, got {level}", "not-offered")
             self._fixed = {None: level} if unit is None else {**self._fixed, unit: level}
         if content.kbit_s is not None:
             self._kbit_s = content.kbit_s or None
@@ -348,7 +350,7 @@ class Handover(Part):
 
     def _sources(self) -> str:
         shared = [f"{level} of {unit}" for unit, level in sorted(self.levels.items()) if level != "none"]
-        return f"from what it sees, and {', '.join(shared)}" if shared else "from what it sees"
+        return f"from its own tracks, and {', '.join(shared)}" if shared else "from its own tracks"
 
     def _offer_news(self, relations: list[PairRelation], federation_us: int) -> None:
         for relation in self._relations.news(relations):
@@ -371,7 +373,7 @@ def _names(entry: DirectoryEntry | None) -> frozenset[str]:
 
 
 def _offered(entry: DirectoryEntry) -> frozenset[SharingLevel]:
-    """The levels that a platform can share; one that links its percepts itself shares its tracks."""
+    """The levels that a platform can share; a platform that links its percepts itself shares its tracks."""
     labels = _names(entry)
     levels = frozenset(level for label, level in _LABELS.items() if label in labels)
     return levels - {"percepts"} if TRACKS in labels else levels

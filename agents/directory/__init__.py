@@ -1,4 +1,4 @@
-"""What a platform knows and tells of the others and of itself: the Directory Facilitator and questions about state.
+"""The Directory Facilitator: the platforms of the federation, their services, labels and conditions.
 
 The agent steps the platform's member. Subscriptions to directory changes are served here.
 """

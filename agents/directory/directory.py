@@ -8,7 +8,7 @@ from datetime import UTC, datetime
 from typing import Final
 
 from agents.actions import FEDERATION, QUERIED, SUBSCRIBED, Action, Offer, Role
-from agents.admission.message_log import ACCOUNT
+from agents.admission.message_log import AUDIT_LOG
 from agents.directory.peer_conditions import PeerConditions
 from agents.effects import Halt, Impaired, LeaveRequested
 from agents.part import ClockCompared, Followed, Part, PeerChange, Within
@@ -25,7 +25,16 @@ from federation.members import liveness
 from federation.members.offers import LabelAppeared, LabelGone, Service, ServiceAppeared, ServiceGone, Visibility
 from federation.members.replicas import PlatformRefused
 from federation.messages.acts import Act, AgentName, Performative
-from federation.messages.contents import MAX_LIST, Content, Directory, DirectoryEvent, Found, Leave, Rejoin, Search
+from federation.messages.contents import (
+    MAX_LIST,
+    Content,
+    Directory,
+    DirectoryEvent,
+    Leave,
+    Rejoin,
+    Search,
+    SearchResult,
+)
 from federation.messages.descriptions import ConditionEntry
 from federation.transport import (
     Answered,
@@ -40,8 +49,8 @@ from federation.transport import (
     TokenChanged,
 )
 
-ASKED = 2
-"""How many platforms that were here before get a request for which ones they miss: what they know outlives them."""
+MOST_QUERIED = 2
+"""How many older platforms are queried for the platforms that they miss, which this one cannot know yet."""
 JOINING_US = 5_000_000
 """How long after its start a platform may still be refused."""
 NOTED = 64
@@ -62,7 +71,7 @@ class DirectoryAgent(Part):
 
     Args:
         offered, labels: the services and semantic labels this platform offers, as they are now.
-        ontology: what labels mean here; what not every platform has is announced.
+        ontology: definitions of labels here; definitions that are not built in are announced.
         fed: the parts that imported samples may make due earlier.
         emit, note: take effects, and words for users.
         contain: lets it beat though something else of the member raises.
@@ -78,11 +87,11 @@ class DirectoryAgent(Part):
             ),
         ),
         Offer(
-            ACCOUNT,
+            AUDIT_LOG,
             MEMBERSHIP,
         ),
     )
-    answers = (DirectoryEvent, Found)
+    answers = (DirectoryEvent, SearchResult)
     arrivals = {"hb": "on_heartbeat", "x": "on_samples"}  # noqa: RUF012  (declarations)
     takes = {  # noqa: RUF012
         LeaveRequested: "on_leave_requested",
@@ -110,7 +119,7 @@ class DirectoryAgent(Part):
         self._subscribers = Subscribers(ports.agent, parts[TaskLife])
         self._members: tuple[str, ...] | None = None
         self._missing: dict[str, int] = {}
-        self._to_ask = ASKED
+        self._to_ask = MOST_QUERIED
         self._own: Followed = (self,)
         self._clocks: Followed = (Within(self, ports.member.offsets),)
         self._imports: Followed = (Within(self, ports.member.imports),)
@@ -135,7 +144,7 @@ class DirectoryAgent(Part):
         return [*own, *self._peer_conditions.conditions()]
 
     def on_impaired(self, event: Impaired, now_us: int) -> Followed:
-        """Something of the process failed, for the rest of its life."""
+        """Note and show a failure of the process, which lasts for the rest of its life."""
         text = event.text[:MAX_TEXT]
         if text not in self._impaired and len(self._impaired) < IMPAIRED:
             self._impaired[text] = event.at_us
@@ -212,7 +221,7 @@ class DirectoryAgent(Part):
         return None
 
     def on_asked(self, event: Asked, now_us: int) -> Followed:
-        """A peer compares its clock with ours, or what it knows of us, as each does with each all the time."""
+        """Answer a peer that compares its clock, or its entry of this platform, with ours."""
         self._member.dispatch(event, now_us)
         return ()
 
@@ -223,7 +232,7 @@ class DirectoryAgent(Part):
         return self._own if self._member.on_ask_ended(event) else ()
 
     def _on_own(self, change: PeerChange, now_us: int) -> None:
-        """What is this platform's own affair: its name, its clock, its members."""
+        """React to changes that concern this platform itself: its name, its clock, its members."""
         match change:
             case liveness.NameConflict(unit, boot):
                 self._conflict(boot, f"another platform is called {unit} already", "choose another --unit", now_us)
@@ -259,7 +268,7 @@ class DirectoryAgent(Part):
         return self._member.deadline_us
 
     def on_time(self, now_us: int) -> Followed:
-        """Judge the silent, ask for what is not known, put again what is not acknowledged, beat."""
+        """Suspect silent peers, query missing entries, repeat unacknowledged acts, send the heartbeat."""
         acts = self._member.acts
         ended = acts.ended
         for step in self._member.steps:
@@ -285,7 +294,9 @@ class DirectoryAgent(Part):
         """`(search ...)`: platforms that provide a service or have a label; and which platforms are missing."""
         entries = self.facilitator.search(service=content.service, label=content.semantic_label)
         agents = tuple(str(AgentName("interface", entry.unit)) for entry in entries)[:MAX_LIST]
-        found = Found(agents=agents, missing_units=tuple(self._missing), missing_since=tuple(self._missing.values()))
+        found = SearchResult(
+            agents=agents, missing_units=tuple(self._missing), missing_since=tuple(self._missing.values())
+        )
         self._agent.answer(act, Performative.INFORM, found, now_us)
 
     def on_subscribe(self, act: Act, _content: Directory, now_us: int) -> None:
@@ -320,7 +331,7 @@ class DirectoryAgent(Part):
         self._to_ask -= 1
 
         def on_reply(act: Act, content: Content | None, at_us: int) -> None:
-            if not isinstance(content, Found):
+            if not isinstance(content, SearchResult):
                 return
             for name, since_us in zip(content.missing_units, content.missing_since, strict=False):
                 known = self.facilitator.entry(name)

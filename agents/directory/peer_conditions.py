@@ -1,6 +1,6 @@
-"""What is shown of peers whose word stands against that of others, or whose clock is not the federation's.
+"""Conditions about peers that others contradict, or whose clock differs from the federation's.
 
-Nothing follows from it but that a person sees it: one peer's word moves no platform. Times are the node clock.
+They are only shown to users: the word of a single peer changes no platform's behaviour. Times are the node clock.
 """
 
 from collections.abc import Iterable
@@ -38,7 +38,7 @@ class PeerConditions:
         """Whether what is shown has changed since the last look."""
         found = [(one.text, one.since_us) for one in self._member.directory.contradicted]
         for unit, since_us in self._skewed_us.items():
-            found.append((f"the clock of {unit} is not the federation's: what it sends is not taken", since_us))
+            found.append((f"the clock of {unit} is not the federation's: its samples are not taken", since_us))
         if [text for text, _ in found] == [text for text, _ in self._shown]:
             return False
         self._shown = tuple(found)

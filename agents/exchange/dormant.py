@@ -1,8 +1,8 @@
 """Queries on streams without a sample: a query activates the stream for 30 s; its first sample is the answer.
 
-What is exported is computed only while it has a subscriber (thesis 3.3.6). Where nothing of the past can be had of
-it, as of a camera that is read on demand, a query would otherwise never be answered; and the sensors of a vehicle that
-has only started have given nothing. Node clock.
+An exported stream is computed only while it has a subscriber (thesis 3.3.6). If it has no history, such as that of a
+camera that is read on demand or of a vehicle that has only started, a query would otherwise never be answered. Times
+are the node clock.
 """
 
 from collections.abc import Callable
@@ -55,7 +55,7 @@ def _has_room(owners: list[str], by: MemberShare) -> bool:
 class DormantStreams:
     """The streams that queries activated on one platform.
 
-    One whose subscribers take nothing of it, since its samples lie off their grid, is dormant to a query, too.
+    A stream whose samples all lie off the grid of its subscribers is dormant to a query, too.
     """
 
     def __init__(self, clock: FederationClock, gateway: Gateway) -> None:

@@ -21,9 +21,9 @@ BATCH = 64
 class ExportProxy:
     """Subscribes locally once per (semantic label, policy), whatever the number of receivers.
 
-    A receiver that is slow or dead cannot be noticed here: a sample is put once, for all, and never waited for. What
-    one batch of events brought is put in one go by `flush`, which `pending` asks for: position, altitude and velocity
-    of one instant, which the same platforms want, are one message, not three.
+    A receiver that is slow or dead cannot be noticed here: a sample is put once, for all, and never waited for.
+    Samples of one batch of events are put in one go by `flush`, when `pending` is true: position, altitude and velocity
+    of one instant, for the same receivers, are one message, not three.
 
     Attributes:
         shed: how much less often than its period a stream of importance 1 is sent; more important ones suffer less.
@@ -43,7 +43,7 @@ class ExportProxy:
 
     @classmethod
     def of(cls, ports: Ports, _parts: PartRegistry) -> "ExportProxy":
-        """That of a platform."""
+        """Build it from the ports and parts of a platform."""
         return cls(ports.exports, ports.network, ports.translation, ports.emit)
 
     def start_exporting(
@@ -82,7 +82,7 @@ class ExportProxy:
         return bool(self._waiting)
 
     def flush(self) -> None:
-        """Put what waits; what the same receivers get travels together."""
+        """Put the waiting samples; streams with the same receivers share a message."""
         if not self._waiting:
             return
         loads: dict[tuple[int, frozenset[str]], list[ExportStream]] = {}

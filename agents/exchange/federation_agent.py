@@ -74,18 +74,18 @@ class FederationAgent(Part):
             UnknownLabel, Refused, PolicyError: nothing is set up then.
         """
         owner = self._tasks.check_free(act.conversation_id, act.sender.unit)
-        asker = act.sender.unit
+        sender = act.sender.unit
         share_of = self._agent.acts.share_of
-        wanted, (requester, shares) = self._tasks.all(), share_of(asker)
+        wanted, (requester, shares) = self._tasks.all(), share_of(sender)
         held = sum(len(each.contracts) for each in wanted if share_of(each.initiator).owner == requester)
         most = STREAMS_PER_PEER * shares
         if held + len(content.semantic_labels) > most:
             text = f"this platform exports {held} streams for {requester}; {most} are the most"
             raise Refused(text, "too-many-subscriptions")
         contracts = self.export(content, owner, now_us)
-        entry = self._directory.entry(asker)
+        entry = self._directory.entry(sender)
         is_part = entry is not None and entry.kind == "uav"
-        task = Task(owner, asker, name, lambda _at_us: (), since_us=now_us, is_part=is_part)
+        task = Task(owner, sender, name, lambda _at_us: (), since_us=now_us, is_part=is_part)
         task.contracts.update(zip(contracts, dict.fromkeys(content.semantic_labels), strict=True))
         all_of_it = tuple(contracts)
 
@@ -263,7 +263,7 @@ class FederationAgent(Part):
         """`(import-list)`: which streams come in, and what became of their samples: gaps show here."""
         records = self._gateway.importer.imports.streams.values()
         imports = [
-            contents.ImportAccount(
+            contents.ImportCounts(
                 owner=stream.owner,
                 semantic_label=stream.label,
                 hash=stream.policy_hash,

@@ -58,12 +58,12 @@ class Gateway:
 
     @classmethod
     def of(cls, ports: Ports, parts: PartRegistry) -> "Gateway":
-        """That of a platform."""
+        """Build it from the ports and parts of a platform."""
         exporter, importer = parts[ExportProxy.of], parts[ImportProxy]
         return cls(ports.unit, ports.network, ports.ontology, ports.translation, exporter, importer)
 
     def local(self, semantic_label: str | Label, unit: str | None = None) -> Label:
-        """What this instance calls the label of a unit (its own by default); a stream's own label is what it is.
+        """The local label for a semantic label of a unit (its own by default); a local label is returned unchanged.
 
         Raises:
             UnknownLabel: the ontology does not know the label, or it has no producer here.
@@ -82,7 +82,7 @@ class Gateway:
         return tuple(name for name in self.ontology if self.translation.local_label(name, unit or self.unit) in have)
 
     def _unknown(self, semantic_label: str) -> UnknownLabel:
-        """The error, with the labels that there are: those that are spelt most alike first."""
+        """The error, with the available labels, the most similarly spelt first."""
         alike = {name: SequenceMatcher(None, semantic_label, name).ratio() for name in self.offered()}
         return UnknownLabel(semantic_label, tuple(sorted(alike, key=alike.__getitem__, reverse=True)))
 

@@ -40,7 +40,7 @@ AS_THEY_COME: Final = frozenset({"intent"})
 
 @dataclass(slots=True)
 class ImportedStream:
-    """What becomes of the samples of one stream of one owner; `standing` is that of `offset`."""
+    """Adapter, sink and clock offset for one stream of one owner; `standing` is that of `offset`."""
 
     owner: str
     label: str
@@ -54,11 +54,10 @@ class ImportedStream:
 class ImportProxy(Part):
     """Pushes the samples of imported streams into the local instance.
 
-    What a peer sends whose clock is skewed, or not compared yet, is refused and counted: one valid time far ahead would
-    end an ordered stream; an intent is valid when it comes. Valid times of a peer whose clock is off by 50 ms to 1 s
-    are shifted, and approximated linearly onto the grid of
-    the stream, since shifted samples lie on none (semantics of offsets between platforms). Times: node clock, but
-    for valid times.
+    Samples of a peer whose clock is skewed, or not compared yet, are refused and counted: one valid time far ahead
+    would end an ordered stream; an intent is valid when it comes. Valid times of a peer whose clock is off by 50 ms to
+    1 s are shifted, and the samples approximated linearly onto the grid of the stream (semantics of offsets between
+    platforms). Times: node clock, but for valid times.
 
     Args:
         disagreement: (unit, semantic label) -> why the label is not shared with the unit, or nothing.
@@ -104,7 +103,7 @@ class ImportProxy(Part):
             self._emit(effect)
 
     def _has_room(self, owner: str, now_us: int) -> bool:
-        """Whether one more stream of it is taken; what is not is counted, shown, and noted once for each owner."""
+        """Whether one more stream of it is taken; a refused one is counted, shown, and noted once for each owner."""
         of_owner = sum(name[0] == owner for name in self.imports.streams)
         if of_owner < STREAMS_OF_ONE and len(self.imports.streams) < MAX_STREAMS:
             return True
@@ -119,13 +118,13 @@ class ImportProxy(Part):
         return False
 
     def conditions(self) -> Iterable[ConditionEntry]:
-        """Owners whose streams are refused: what needs them stays unknown."""
+        """Owners whose streams are refused: values that depend on these streams stay unknown."""
         for owner, since_us in list(self._crowded.items())[:MOST_SHOWN]:
-            text = f"{owner} announces more than {STREAMS_OF_ONE} streams: further ones are refused, what needs them stays unknown"
+            text = f"{owner} announces more than {STREAMS_OF_ONE} streams: further ones are refused, their values stay unknown"
             yield ConditionEntry(text=text, since_us=max(0, since_us))
 
     def on_peer(self, change: PeerChange, _now_us: int) -> None:
-        """A platform means something else from now on: what is no longer shared ends."""
+        """End the imports of labels that a platform has redefined and so no longer shares."""
         if isinstance(change, DefinitionsChanged):
             for name in [name for name in self.imports.streams if name[0] == change.unit]:
                 if self._disagreement(*name[:2]):
@@ -150,7 +149,7 @@ class ImportProxy(Part):
     def heard_us(self, owners: Container[str]) -> dict[tuple[str, str], int]:
         """By owner, of these, and semantic label, when a stream that is expected was last heard of.
 
-        One that comes less often, since its owner has too much to do, counts as heard so much later.
+        A stream that its owner sends less often, because of its load, counts as heard so much later.
         """
         heard: dict[tuple[str, str], int] = {}
         for name, found in self.imports.streams.items():

@@ -28,7 +28,7 @@ class Imported(RefinementProcess):
 
 
 class ImportDemand:
-    """Where the source itself has the label: it is asked for while it has a subscriber, and what came is kept."""
+    """Demand of a source that itself has the label: it is requested while it has a subscriber; its samples are kept."""
 
     def __init__(self, generator: Generator, ask: Callable[[bool], None]) -> None:
         self._generator, self._ask, self._asks = generator, ask, False
@@ -36,18 +36,18 @@ class ImportDemand:
         self.on_demand()
 
     def on_demand(self) -> None:
-        """Its subscribers have changed."""
+        """Request the source if the generator has subscribers, else release it."""
         self._tell(bool(self._generator.subscriptions))
 
     def reach(self, from_us: int | None) -> None:
-        """There is no more of the past than what came."""
+        """Do nothing: the past of an imported stream is what its history holds."""
 
     def since_us(self) -> int:
-        """The history knows."""
+        """`EVER_US`: the beginning is known only to the history."""
         return EVER_US
 
     def stop(self) -> None:
-        """It is imported no more."""
+        """End the import."""
         self._generator.owner = None
         self._tell(False)
 

@@ -1,7 +1,7 @@
-"""Semantic labels that other platforms mean otherwise: each is refused between the two, and reported; others are shared.
+"""Semantic labels that another platform defines differently: each is refused between the two, and reported.
 
-Both sides find out from what the other says of itself, and neither asks or answers for such a label. Times are the node
-clock.
+Both sides compare the definition that the other announces, and neither requests or exports such a label. Times are
+the node clock.
 """
 
 from collections.abc import Callable, Iterable, Sequence
@@ -28,11 +28,11 @@ NOTED = 64
 LISTED, MAX_TEXT = 4, 200
 """Conflicts that are listed as conditions, and characters of each."""
 BETWEEN_US = US_PER_S
-"""Conditions are announced at most so often: a platform may change its mind without end."""
+"""Least time between announcements of conditions: a platform may redefine labels without end."""
 
 
 class StreamOffer(NamedTuple):
-    """What a stream costs that has to be called for, and the quality that is promised; a period of 0 is any."""
+    """Cost and promised quality of a stream that is offered in a call for proposals; a period of 0 is any."""
 
     cost: float
     period_us: int
@@ -41,7 +41,7 @@ class StreamOffer(NamedTuple):
 
 
 def stream_offer(cost: float | None, policy: Policy) -> StreamOffer | None:
-    """What a policy promises at a cost; None: it is no offer."""
+    """The offer of a stream by `policy` at a cost; None if there is no cost."""
     if cost is None:
         return None
     delay_us = US_PER_S if policy.max_delay_us is None else policy.max_delay_us
@@ -49,9 +49,9 @@ def stream_offer(cost: float | None, policy: Policy) -> StreamOffer | None:
 
 
 class Restriction(NamedTuple):
-    """For whom an export is: its visibility, the only units that it goes to, if any, and the stream that is exported.
+    """Receivers of an export: its visibility, the only units that it goes to, if any, and the stream that is exported.
 
-    With an `offer` it goes to those only whose call it was proposed for.
+    With an `offer` it goes only to units in answer to whose call it was proposed.
     """
 
     visibility: str
@@ -64,16 +64,16 @@ UNRESTRICTED = Restriction("public", (), Label("none"))
 
 
 class LabelAgreements(Part):
-    """What this platform and each other one mean by the labels of both.
+    """Comparison of this platform's labels with those of each other platform.
 
     Args:
-        role_of: what a unit may ask for.
-        ontology: what labels mean here.
-        offer: tells the others that conditions have changed, at a time.
+        role_of: unit -> its role.
+        ontology: definitions of labels here.
+        offer: announces to the others that conditions have changed, at a time.
         note: takes words for users.
 
     Attributes:
-        sources: the streams that a stream about objects is made of: what hides them hides it.
+        sources: the input streams of a stream about objects: a restriction of theirs restricts it, too.
     """
 
     def __init__(self, ports: Ports, _parts: PartRegistry) -> None:
@@ -131,7 +131,7 @@ class LabelAgreements(Part):
             raise why
 
     def refusal(self, unit: str, label: str) -> Denied | None:
-        """What `check` raises."""
+        """The error that `check` raises, or None."""
         here = self._directory.unit
         if unit == here:
             return None
@@ -155,13 +155,13 @@ class LabelAgreements(Part):
         return is_new
 
     def withdraw(self, label: str, now_us: int) -> None:
-        """It is defined here no longer."""
+        """Remove the definition of a label of this platform."""
         self._ontology.withdraw(label)
         self._offer(now_us)
         self._look_at_all(now_us)
 
     def on_peer(self, change: PeerChange, now_us: int) -> None:
-        """Compare what a platform means with what is meant here."""
+        """Compare the definitions that a platform announces with those of this one."""
         if isinstance(change, LabelAppeared):
             self._compare(change.unit, (change.label.label,), now_us)
         elif isinstance(change, DefinitionsChanged | PlatformGone):

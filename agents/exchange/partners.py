@@ -1,4 +1,4 @@
-"""The platforms whose tracks are imported: their streams are asked for, and what comes of them is handed on."""
+"""The platforms whose tracks are imported: their streams are requested, and their samples passed on."""
 
 from collections.abc import Callable
 from dataclasses import dataclass, field
@@ -37,11 +37,11 @@ class Partners:
 
     @property
     def units(self) -> tuple[str, ...]:
-        """Those whose streams are asked for."""
+        """The platforms whose streams are requested, sorted."""
         return tuple(sorted(self._partners))
 
     def labels(self, unit: str) -> frozenset[str]:
-        """What is asked for of a platform."""
+        """The labels that are requested of a platform."""
         partner = self._partners.get(unit)
         return frozenset() if partner is None else frozenset(partner.streams)
 

@@ -1,7 +1,7 @@
-"""What other platforms state of their motion, looked at as it is imported: what no vehicle flies, and what two state alike.
+"""Plausibility of the motion that other platforms report: motion no vehicle can fly, or that two report alike.
 
-It is shown, and nothing else follows: what is stated is traffic, whether it can be flown or not, and others give way to it.
-Times are federation time, those of what is shown the node clock.
+It is only shown: reported motion is traffic, whether it can be flown or not, and others give way to it. Times are
+federation time, those of conditions the node clock.
 """
 
 from collections.abc import Iterable, Iterator
@@ -32,7 +32,7 @@ ALIKE, ALIKE_M, RECENT_US = 5, 5.0, 3_000_000
 
 @dataclass(slots=True)
 class _Seen:
-    """Something that a unit states, in words, since when and until when."""
+    """An implausible report of a unit, in words, with the times of its first and last occurrence."""
 
     text: str
     since_us: int

@@ -17,7 +17,7 @@ def select_newest(readings: Sequence[TrustedReading]) -> Reading | None:
 
 
 def select_best(readings: Sequence[TrustedReading]) -> Reading | None:
-    """The one with the smallest stated variance as far as it is trusted, the newest among equals; one that states none comes last."""
+    """The reading with the least stated variance over trust, the newest among equals; one without variance is last."""
 
     def rank(each: TrustedReading) -> tuple[bool, float, int]:
         reading, trust = each
@@ -35,7 +35,7 @@ def merge_mean(readings: Sequence[TrustedReading]) -> Reading | None:
 def merge_inverse_variance(readings: Sequence[TrustedReading]) -> Reading | None:
     """Each field weighed by trust over its variance; readings that state none are left out.
 
-    Nor is there a field of which one of the others states none, or one that no measurement has.
+    Fields without a variance in one of the others are left out, and fields that no measurement has.
     """
     stated = [each for each in _trusted(readings) if any(map(_weight, _variances(each[0]).values()))]
     return _merge(stated, lambda reading, field: _weight(_variances(reading).get(field)))

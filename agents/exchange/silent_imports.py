@@ -1,7 +1,7 @@
 """Imported streams without a sample: the cause, and what to do about it (policies, thesis 4.4).
 
-A stream that is sampled where it is made, off the grid of those that take it, brings them nothing, and looks to them as if
-its maker were silent. The maker is asked for its newest sample; what the policy makes of that is the cause.
+A stream whose samples all lie off the grid of its receivers brings them none, as if its producer were silent. The
+producer is queried for its newest sample; applying the policy to that sample shows the cause.
 """
 
 from collections.abc import Iterable
@@ -18,7 +18,7 @@ from federation.messages.descriptions import ConditionEntry
 
 LOOK_US = 250_000
 SILENT_US = 800_000
-"""So long after a stream was announced, and two periods, its first sample is waited for."""
+"""How long after its announcement, plus two periods, the first sample of a stream is waited for."""
 MOST = 4
 """How many of them are shown at once as conditions of the platform."""
 
@@ -76,9 +76,9 @@ class SilentImports(Part):
         if self._importer.is_of_objects(label):
             policy = Policy(max_delay_us=policy.max_delay_us)  # states of objects lie on no grid
 
-        def on_reply(reply: Act, said: Content | None, at_us: int) -> None:
-            if reply.performative is Performative.INFORM and isinstance(said, Samples) and said.samples:
-                cause = cause_in(said.samples[-1], policy)
+        def on_reply(reply: Act, content: Content | None, at_us: int) -> None:
+            if reply.performative is Performative.INFORM and isinstance(content, Samples) and content.samples:
+                cause = cause_in(content.samples[-1], policy)
                 if cause and name in self._asked:
                     text = f"no sample of {label} comes from platform {owner}: {cause}"
                     self._causes[name] = ConditionEntry(text=text[:200], since_us=at_us)

@@ -41,7 +41,7 @@ LONGEST_VALUE = 1024
 
 @dataclass(slots=True)
 class Gathering:
-    """A global query under way: the units whose answers are awaited, and what came."""
+    """A global query under way: the units whose answers are awaited, and the answers so far."""
 
     act: Act
     query: Query
@@ -51,10 +51,10 @@ class Gathering:
 
 
 class StreamQueries(Part):
-    """Answers queries from what is held; one on a dormant stream activates it.
+    """Answers queries from the histories of streams; a query on a dormant stream activates it.
 
     Args:
-        declared: (unit, label as text) -> the stream of the instance that the unit may ask for; raises what is wrong.
+        declared: (unit, label as text) -> the stream of the instance that the unit may query; raises DyKnowError.
     """
 
     offers = (
@@ -201,7 +201,7 @@ class StreamQueries(Part):
         )
 
     def _conclude(self, gathering: Gathering, now_us: int) -> None:
-        """When no answer is pending: everything that came, a page of readings an act; the last names the missing platforms."""
+        """When no answer is pending, send all readings in pages, an act each; the last names the missing platforms."""
         if gathering.waiting:
             return
         query = gathering.query
@@ -250,7 +250,7 @@ def _carried(value: Value) -> bool | float | NoValue | str:
 
 
 def _answer_pages(label: str, answers: dict[str, list[Reading]]) -> list[tuple[Samples, ...]]:
-    """What each platform answered, at most PAGE readings to a page; a platform continued on the next says `more`."""
+    """The answers of each platform, at most PAGE readings a page; `more` is set for one that continues on the next."""
     pages: list[list[Samples]] = [[]]
     room = PAGE
     for unit, found in answers.items():

@@ -1,7 +1,7 @@
-"""Keeping the inputs of this platform's monitors alive: a stream that does not come is asked for (thesis 9.4.1).
+"""Keeping the inputs of this platform's monitors alive: a missing stream is requested again (thesis 9.4.1).
 
-The coordinator of a task has streams set up at the start; afterwards every platform asks for what does not come: from
-a newcomer, after a cut, after a restart. What is no longer needed is cancelled. Times are the node clock.
+The coordinator of a task has streams set up at the start; afterwards every platform requests its missing streams: from
+a newcomer, after a cut, after a restart. Streams no longer needed are cancelled. Times are the node clock.
 """
 
 from collections import Counter
@@ -22,19 +22,19 @@ from federation.messages.contents.parts import LEAST_PERIOD_S
 FIRST_US = 250_000
 CHECK_US = 250_000
 AGAIN_US, AGAIN_MOST_US = 1_500_000, 6_000_000
-"""The pause before a platform gets the next request: it doubles while nothing comes, up to the second. What is late because
-there is too much to do is not made later still by more requests."""
+"""The pause before a platform gets the next request: it doubles while nothing comes, up to the second, so that
+requests do not add to the load of a platform that is late because of its load."""
 AT_ONCE = 8
 """How many platforms get a request in one look."""
 SILENT_US = 1_000_000
 REPLY_US = 2_000_000
 AGES_US = 2**62
-"""How long ago what never came was heard."""
+"""Age of a stream that never came."""
 
 
 @dataclass(slots=True)
 class PendingRenewal:
-    """Requests to a platform at once: how many agreements are awaited, and what they are to take the place of."""
+    """Requests to a platform at once: the agreements awaited, and the conversations that they are to replace."""
 
     unit: str
     before: tuple[str, ...]
@@ -42,10 +42,10 @@ class PendingRenewal:
 
 
 class SubscriptionKeeper(Part):
-    """Keeps the streams of other units coming: what was requested where, and when to look again.
+    """Keeps the streams of other units coming: the requests to each unit, and when to check again.
 
     Args:
-        monitored: what the monitors need; it gives the same object while that does not change.
+        monitored: the needs of the monitors; it returns the same object while they do not change.
 
     Attributes:
         patience: how much longer than usual it waits for samples and answers, since there is too much to do.
@@ -72,7 +72,7 @@ class SubscriptionKeeper(Part):
         self.patience = 1
 
     def needs(self) -> Needs:
-        """What monitors and specification need of other units; the same object while that does not change."""
+        """Streams of other units that monitors and specification need; the same object while they do not change."""
         one, other = self._monitored(), self._imported
         if one is not self._both[0] or other is not self._both[1]:
             both = {unit: {*one.get(unit, ()), *other.get(unit, ())} for unit in {**one, **other}}
@@ -148,7 +148,7 @@ class SubscriptionKeeper(Part):
         self._next_us = min((self._look_us[unit] for unit in needs), default=0)
 
     def _forget(self, unit: str) -> None:
-        """The platform is gone, and the conversations with it: what it exported to us is asked for if it returns."""
+        """Forget requests to a platform that is gone; its exports to this one are requested again when it returns."""
         self._asked_us.pop(unit, None)
         self._again_us.pop(unit, None)
         self._asked_for.pop(unit, None)
@@ -207,7 +207,7 @@ class SubscriptionKeeper(Part):
         def is_held() -> bool:
             return bool(asked) and asked[0] in self._open.get(batch.unit, ())
 
-        def on_reply(reply: Act, _said: Content | None, at_us: int) -> None:
+        def on_reply(reply: Act, _content: Content | None, at_us: int) -> None:
             if reply.performative is Performative.AGREE:
                 self._agreed(batch, at_us)
             elif reply.performative is Performative.FAILURE and is_held():

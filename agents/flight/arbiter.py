@@ -1,4 +1,4 @@
-"""Arbitration between the commanders of a vehicle, and what its state forbids to all.
+"""Arbitration between the commanders of a vehicle, and the orders that its state forbids to all.
 
 One of its commanders has it: its pilot's own hands (a mode that takes no positions, and whatever has happened
 since until a user asks for something), then giving way to another vehicle, then a mission, then a single order, then the
@@ -17,12 +17,12 @@ from navigation import vehicle
 
 HEARD_WITHIN_US = 3_000_000
 _FOR_MISSIONS = vehicle.InterruptOrder | vehicle.ResumeMissionOrder | vehicle.MissionItemOrder
-"""What may be sent to a vehicle in AUTO: to leave its mission, and to continue it."""
+"""Orders that may be sent to a vehicle in AUTO: to leave its mission, and to continue it."""
 NO_CONTROL: Final = "this platform was not given control of its vehicle (join with --control)"
 _MODE = "the vehicle is in mode {}"
 ENDINGS: Final = vehicle.LandOrder | vehicle.ReturnHomeOrder
 ANY_MODE: Final = vehicle.HoldOrder | ENDINGS
-"""What a user may ask for in person in every mode: to stop, to land and to return need no positions."""
+"""Orders that a user may give in every mode: to stop, to land and to return need no positions."""
 GROUND: Final = vehicle.SetGuided | vehicle.Arm | vehicle.TakeOffOrder
 """Orders with which a mission takes off."""
 
@@ -78,7 +78,7 @@ class AwaitedMissions:
         self._why: dict[str, str] = {}
 
     def expect(self, name: str, waits: str = "") -> None:
-        """It may join; of too many those that wait for nothing are forgotten first."""
+        """Remember that a mission may join; beyond `MISSIONS` one that does not wait is forgotten first."""
         self._why[name] = waits
         if len(self._why) > MISSIONS:
             del self._why[next((each for each, why in self._why.items() if not why), next(iter(self._why)))]
@@ -98,13 +98,13 @@ class AwaitedMissions:
         return MissionClaim(name, self._why.pop(name, ""))
 
     def leaves(self, claim: MissionClaim, *, is_over: bool) -> None:
-        """One that waits does so when it joins again, though it was over: its leader may have ended it."""
+        """Note that a mission leaves; a mission that waits still does when it joins again, even if its leader ended it."""
         if claim.name and (claim.waits or not is_over):
             self.expect(claim.name, claim.waits)
 
 
 class CommandClaims(NamedTuple):
-    """Those that would command a vehicle, in the order of `Commander`, each with its reason or name; empty: does not."""
+    """Claims to command a vehicle, in the order of `Commander`, each a reason or name; empty: none."""
 
     route: str = ""
     order: str = ""
@@ -131,7 +131,7 @@ class CommandClaims(NamedTuple):
 
 def _unheard(status: vehicle.StatusReport | None, silent_us: int) -> str | None:
     if status is None:
-        return "the vehicle has not said in what state it is"
+        return "the vehicle has not reported its state"
     return f"no heartbeat for {silent_us / 1e6:.1f} s" if silent_us > HEARD_WITHIN_US else None
 
 

@@ -1,7 +1,7 @@
-"""Whether a vehicle has arrived where it was sent, or why it will not: what a user waits for after an order is taken over.
+"""Arrival of a vehicle at the target of an order, or why it will not arrive; a user may wait for it.
 
-It has arrived when its position is within the bounds by which a target is known as that of an order. Giving way on
-the way, and a gap of the link, are waited for; what ends the order ends the wait.
+It has arrived when its position is within the bounds in which a target counts as that of the order. Giving way on
+the way, and a gap of the link, are waited for; the end of the order ends the wait.
 """
 
 from dataclasses import dataclass
@@ -41,7 +41,7 @@ class Arrival:
         return self._due_us
 
     def look(self, pilot: Pilot) -> None:
-        """Judge where the vehicle is, and what it does."""
+        """Judge the vehicle's position and activity."""
         if pilot.standing != self.order:
             self._fail(self._overtaken_by(pilot))
             return
@@ -74,7 +74,7 @@ class Arrival:
             self._due_us = min(self._due_us, self._lost_us + UNSEEN_US)
 
     def _overtaken_by(self, pilot: Pilot) -> str:
-        """What became of the order."""
+        """The reason why the order is no longer flown."""
         return self.errand.reason or pilot.claims.hands or pilot.mission.waits or "the vehicle was sent elsewhere"
 
     def _distances(self, pilot: Pilot) -> tuple[float, float]:

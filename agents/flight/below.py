@@ -1,7 +1,7 @@
 """Whether another member's vehicle is in the air where a vehicle would land: straight below it, or nearly so.
 
-A member that is known only by its position counts as in the air where it is higher than 3 m above our home: what stands on
-a roof or a hill does so as well, and a user looks there before landing anyway.
+A member that is known only by its position counts as in the air where it is higher than 3 m above our home, so also on
+a roof or a hill; a user looks there before landing anyway.
 """
 
 from collections.abc import Iterable

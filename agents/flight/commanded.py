@@ -22,7 +22,7 @@ RETRY_US = 2_000_000
 ATTEMPTS = 4
 """How often a leg of the plan is ordered that the vehicle did not answer."""
 RESUMES_US = 6_000_000
-"""So long after a mission was resumed the vehicle's mode may show it."""
+"""Time after a mission was resumed within which the vehicle's mode shows it."""
 
 
 @dataclass(slots=True)
@@ -135,7 +135,7 @@ class CommandedVehicle(HeardVehicle):
         return resumed or before is None or before.mode in vehicle.MISSION_MODES
 
     def _forget(self) -> None:
-        """Nothing of this flight is left to be done."""
+        """Forget all orders of this flight."""
         self.standing = self._before = self._aside = self._goal = self._again_us = None
         self.targets.forget()
         self._attempts = 0
@@ -236,7 +236,7 @@ class CommandedVehicle(HeardVehicle):
 
     @property
     def kept_aside(self) -> vehicle.Order | InterruptedMission | None:
-        """What the vehicle did before it gave way, and will do again; None: its plan, or nothing that is known."""
+        """The activity that the vehicle interrupted to give way, and will resume; None: its plan, or unknown."""
         return self._aside
 
     @property
@@ -267,5 +267,5 @@ class CommandedVehicle(HeardVehicle):
 
     @property
     def flying(self) -> str:
-        """What the vehicle is doing for us, in a word: `watching`, `diverted`, `mission`, `order`, `plan` or `holding`."""
+        """The vehicle's activity for this platform: a word of `arbiter.WORDS`, `watching` (no control) or `holding`."""
         return arbiter.WORDS.get(self.claims.commander, "holding") if self.control else "watching"

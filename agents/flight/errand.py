@@ -48,18 +48,18 @@ BRAKES_M_S2, TURNS_US = 2.5, 1_000_000
 MODE_WITHIN_US = 4_000_000
 """A mode is reported once a second, and an order that changes it is repeated only after it was."""
 SETTLES_US = 1_000_000
-"""So long a target from before an order may still be on its way, and a vehicle that reports none may yet do so."""
+"""How long a target from before an order may still arrive, and a vehicle without targets may yet report one."""
 LEVEL_M, UPRIGHT_M = 3.0, 1.5
 SLOPE = 5.0
 """A climb to a place farther than this multiple of its height is too flat to be seen within 2 s."""
 STEEP = 0.25
 """A climb to a place nearer than this multiple of its height shows in its height alone."""
 TEXT_WITHIN_US = 1_000_000
-"""What an autopilot says so soon after an order is of that order."""
+"""A text of the autopilot that comes so soon after an order is about that order."""
 WORDS_US = 300_000
 """How long after an order a user waits for the words to a refusal."""
 SAYS_S = 0.5
-"""So long after it was sent an order may arrive: the vehicle has flown on."""
+"""Delay of an order on its way to the vehicle, which flies on meanwhile."""
 _M_PER_DEG = 111_194.9
 
 
@@ -214,7 +214,7 @@ class Errand:
         return bool(leaves) and status.mode == self.from_mode
 
     def on_text(self, text: TextReport, now_us: int) -> None:
-        """What the autopilot has to say, before or after it refuses; the first sentence after the order counts."""
+        """Take a text of the autopilot, before or after its refusal; the first text after the order counts."""
         if self._text or self.progress is _P.OVERTAKEN or now_us - self.sent_us > TEXT_WITHIN_US:
             return
         self._text = text.text
@@ -275,7 +275,7 @@ class Errand:
 
     @property
     def _upright_m(self) -> float:
-        """How far off in height it may be: one that is stopped while it climbs or sinks does so for a second more."""
+        """Allowed height error, metres: a vehicle stopped while it climbs or sinks continues to for a second."""
         climbs = self.start is not None and isinstance(self.order, HoldOrder)
         return UPRIGHT_M + (abs(self.start.down_m_s) if climbs and self.start is not None else 0.0)
 
@@ -316,7 +316,7 @@ class Errand:
         return nears and (rises or away_m > SLOPE * abs(up_m))
 
     def end(self, progress: OrderProgress, reason: str) -> None:
-        """Nothing more comes of it."""
+        """End the order with this progress and reason."""
         self.progress, self.reason = progress, reason
 
 

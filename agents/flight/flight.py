@@ -1,4 +1,4 @@
-"""The vehicle of a platform: what it reports becomes streams, what is ordered becomes commands. Faults of simulated ones."""
+"""The vehicle of a platform: its reports become streams, orders become commands. Faults of simulated ones."""
 
 from collections.abc import Iterable
 from typing import Final
@@ -54,8 +54,8 @@ class FlightAgent(Part):
         offer: called when its condition changes.
         may_avoid: whether this platform may give way at all.
         profiles: of monitors, which may have fences.
-        camera_frame: what metres of objects count from, with cameras.
-        conditions: what all parts say of their state.
+        camera_frame: the origin of the metres of objects, with cameras.
+        conditions: the conditions that all parts report.
         contain: lets the pilot fly on when giving way raises.
         gateway: where other units are, as far as this platform's streams know.
         directory: the other members.
@@ -283,7 +283,7 @@ def _ahead(pilot: Pilot) -> list[Waypoint]:
 
 
 def _doing(pilot: Pilot) -> str:
-    """What the vehicle flies, in words."""
+    """The vehicle's activity, in words."""
     claims, plan, standing = pilot.claims, pilot.plan, pilot.standing
     match claims.commander:
         case Commander.ROUTE if plan is not None:

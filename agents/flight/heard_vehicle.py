@@ -1,4 +1,4 @@
-"""What a platform has heard of its vehicle, and which orders that allows. Times are federation time."""
+"""State of a vehicle as heard by its platform, and the orders that this state allows. Times are federation time."""
 
 from collections.abc import Callable
 from dataclasses import dataclass, field
@@ -32,11 +32,11 @@ class HeardVehicle:
         missions: the person's consent to interrupt a mission (AUTO) in order to give way.
         clock: federation time now; None: the time of the last event.
         note: takes words for users.
-        winch: what its winch reported last.
+        winch: the last report of its winch.
         handled: the answer to the last order to its winch or gripper; None: there is none yet.
-        failsafe: what its autopilot does when its link is lost; None: not reported.
+        failsafe: its autopilot's action when its link is lost; None: not reported.
         cruise: how fast its autopilot flies to places by itself.
-        battery: what remains of its charge; None: not reported.
+        battery: the remaining charge; None: not reported.
         loaded: the items of its mission; empty: it has none, or they are not known.
         heard_us: when it last reported its state.
         targets: where it flies to, and by whose word.
@@ -72,7 +72,7 @@ class HeardVehicle:
         """The rule that forbids `order` now, in words, or None.
 
         Args:
-            order: what the vehicle would do.
+            order: the order that the vehicle would carry out.
             in_person: a user asks for it, not a rule or a mission.
             start: where it would be then; None: where it is.
         """
@@ -119,7 +119,7 @@ class HeardVehicle:
     def _on_bounding(
         self, report: vehicle.PositionReport | vehicle.FenceReport | vehicle.FailsafeReport | CruiseReport
     ) -> None:
-        """What bounds the flight, and follows from it."""
+        """Take a report that bounds the flight: a height, a fence, a failsafe or a cruise speed."""
         match report:
             case vehicle.PositionReport(altitude_m=float() as altitude_m, height_m=float() as height_m):
                 self.bounds.on_height(altitude_m, height_m)

@@ -2,9 +2,9 @@
 
 A platform commands its vehicle only when it was given control, and only while the vehicle is armed, airborne, in a
 guided mode and heard (`agents.flight.arbiter`); within floor, ceiling and range, and inside the autopilot's own fence. In
-AUTO it only leaves the mission to give way, if it may, and continues it. Every refusal names the rule that made it. What
-the vehicle was doing before it gave way is commanded once and then forgotten; after a takeover, AUTO included, nothing is
-sent until a user asks for it. What becomes of an order is in `agents.flight.errand`.
+AUTO it only leaves the mission to give way, if it may, and continues it. Every refusal names the rule that made it. The
+activity interrupted by giving way is commanded once and then forgotten; after a takeover, AUTO included, nothing is
+sent until a user asks for it. The life of an order is in `agents.flight.errand`.
 """
 
 from dataclasses import dataclass
@@ -30,7 +30,7 @@ class Pilot(CommandedVehicle):
 
     @classmethod
     def of(cls, ports: Ports, _parts: PartRegistry) -> "Pilot":
-        """That of a platform."""
+        """Build it from the ports and parts of a platform."""
         config = ports.config
 
         def clock() -> int:
@@ -82,7 +82,7 @@ class Pilot(CommandedVehicle):
 
     def _errand(self, order: vehicle.Order) -> Errand:
         tells, mode = self.targets.tells(self.now_us), "" if self.status is None else self.status.mode
-        before = self.targets.told if tells else None
+        before = self.targets.reported if tells else None
         return Errand(self.numbered(order), self.now_us, self.fix, tells, before, mode)
 
     # -- orders ------------------------------------------------------------------------------------------------
@@ -127,7 +127,7 @@ class Pilot(CommandedVehicle):
         self.check(armed if is_armed else vehicle.SetGuided())
         self.claims.check(Commander.MISSION)
         if self.mission.name and self.mission.name != name:
-            raise Refused(f"mission {self.mission.name} has the vehicle", "mission")
+            raise Refused(f"mission {self.mission.name} has the vehicle: end it with dyknow mission abort", "mission")
         self.mission = self.awaited.joins(name)
 
     def end_mission(self, *, is_over: bool = True) -> None:
@@ -184,12 +184,12 @@ class Pilot(CommandedVehicle):
             return self.leg, self._before
         now_us, fix = self.now_us, self.fix
         if now_us < self.plan.start_us:
-            raise Refused(f"the plan begins in {(self.plan.start_us - now_us) / 1e6:.1f} s", "plan-not-begun")
+            raise Refused(f"the plan begins in {(self.plan.start_us - now_us) / 1e6:.1f} s: ask then", "plan-not-begun")
         if fix is None or now_us - fix.valid_us > HEARD_WITHIN_US:
             raise Refused("the vehicle's position is not known", FORBIDDEN)
         leg, wanted = self.plan.next_leg(self.leg, fix)
         if wanted is None:
-            raise Refused("the plan is over", "plan-over")
+            raise Refused("the plan is over: order a place (dyknow delegate goto)", "plan-over")
         return leg, wanted
 
     @property
@@ -232,7 +232,7 @@ class Pilot(CommandedVehicle):
         )
 
     def _doing(self) -> vehicle.Order | InterruptedMission | None:
-        """What the vehicle does, to return to it; the plan needs no memory."""
+        """The order or mission that the vehicle flies, to return to it; None: the plan, which needs no memory."""
         target, age_us = self.others_target(), self.targets.age_us(self.now_us)
         if target is not None and age_us > HEARD_WITHIN_US and not self.keeps_plan:
             self.note(f"its target was heard {age_us / 1e6:.0f} s ago, and is taken to be the same still")
@@ -246,7 +246,7 @@ class Pilot(CommandedVehicle):
         return self.standing if taken else None if self.keeps_plan else target
 
     def resume(self) -> list[vehicle.Command]:
-        """Fly on as before the diversion: what the vehicle was doing is commanded once, and forgotten."""
+        """Resume the activity interrupted by the diversion: it is commanded once, and forgotten."""
         diversion, self.diversion, self._goal = self.diversion, None, None
         aside, self._aside = self._aside, None
         if diversion is not None and diversion.progress is OrderProgress.OVERTAKEN:
@@ -255,7 +255,7 @@ class Pilot(CommandedVehicle):
             return []
         if self.plan is not None and self.keeps_plan and self.standing is None and not isinstance(aside, ENDINGS):
             if diversion is not None:
-                self.leg = min(self.leg, len(self.plan.waypoints) - 1)  # who had arrived returns to where it was
+                self.leg = min(self.leg, len(self.plan.waypoints) - 1)  # a vehicle that had arrived returns there
             return [] if self.fix is None else self._fly(self.fix.valid_us)
         if diversion is None or diversion.progress is OrderProgress.REFUSED:
             if diversion is not None and self._has_diverted:
@@ -263,11 +263,11 @@ class Pilot(CommandedVehicle):
             return []
         if aside is None and not self._flies_elsewhere(diversion):
             self.note("it is not known where the vehicle was going: it holds")
-        self._doubt(aside)
+        self._note_new_mission(aside)
         wanted = self._back_to(aside)
         return [] if wanted is None or self.refusal(wanted) is not None else [self._begin(wanted)]
 
-    def _doubt(self, aside: vehicle.Order | InterruptedMission | None) -> None:
+    def _note_new_mission(self, aside: vehicle.Order | InterruptedMission | None) -> None:
         """A mission that was begun in the second before the vehicle made room is not known: heartbeats come once a second."""
         items = [each for each in self.loaded if each.item == self._item] if self.missions else []
         if not isinstance(aside, vehicle.GoToOrder) or aside == self.standing or not items:

@@ -1,4 +1,4 @@
-"""What a platform's vehicle reports, as streams of the local instance: fused once, then split by semantic label.
+"""Reports of a platform's vehicle as streams of the local instance: fused once, then split by semantic label.
 
 The estimate is put out on the grid of its period; every other label is a computational unit over it, or is pushed on
 the same grid, so that states and exports of several platforms meet. Federation time.
@@ -81,7 +81,7 @@ class VehicleStreams:
 
     @classmethod
     def of(cls, ports: Ports, _parts: PartRegistry) -> "VehicleStreams":
-        """Those of a platform."""
+        """Build it from the ports and parts of a platform."""
         return cls(ports.unit, ports.network, ports.translation, ports.config.period_us, ports.note)
 
     def _split(self) -> None:
@@ -104,7 +104,7 @@ class VehicleStreams:
         return [ontology.entry(name, self.period_us) for name in LABELS]
 
     def on_report(self, report: Report, now_us: int) -> Sequence[Sample]:
-        """Take in what the vehicle says; samples that are due go through the network at once."""
+        """Take a report of the vehicle; samples that are due go through the network at once."""
         if isinstance(report, HomeReport):
             self._home = report
         elif isinstance(report, BatteryReport):

@@ -1,13 +1,13 @@
 """Where knowledge process hosts of this machine register with the instance, and time out (thesis 5.3, 5.4.1).
 
-What a host offers is offered to the instance while the host is there; when it ends or times out what was made from
-that ends, its clients are notified, and they are served again when it or another of its kind is back.
+The prototypes of a host are available to the instance while the host is there; when it ends or times out its streams
+end, their clients are notified, and they are served again when it or another of its kind is back.
 """
 
 from collections.abc import Callable
 from typing import Final
 
-from agents.effects import DropHost, HostCame, HostEffect, HostEvent, HostLeft, HostSaid, TakeHost, TellHost
+from agents.effects import DropHost, HostCame, HostEffect, HostEvent, HostLeft, HostMessage, TakeHost, TellHost
 from agents.hosts.hosted import Host
 from dyknow.model.errors import DecodeError, DyknowError, LabelAlreadyExists, PrototypeExists, Refused
 from federation.hosts.codec import decode_from_host, encode
@@ -45,17 +45,17 @@ class HostDesk:
 
     @property
     def hosts(self) -> tuple[Host, ...]:
-        """Those that have registered, silent ones too."""
+        """The registered hosts, silent ones included."""
         return tuple(self._hosts.values())
 
     def on_event(self, event: HostEvent, now_us: int) -> None:
-        """A host came, sent a message or left; what follows is in `flush`."""
+        """Take the coming, a message or the leaving of a host; `flush` returns the effects."""
         match event:
             case HostCame(at_us, number):
                 self._heard_us[number] = at_us
                 if len(self._heard_us) > MAX_HOSTS:
                     self._refuse(number, f"this platform takes at most {MAX_HOSTS} hosts")
-            case HostSaid(at_us, number, payload):
+            case HostMessage(at_us, number, payload):
                 self._out.append(TakeHost(number))
                 if number in self._heard_us:
                     self._heard_us[number] = at_us
@@ -63,7 +63,7 @@ class HostDesk:
             case HostLeft(_, number):
                 host = self._hosts.get(number)
                 if host is not None:
-                    self._note(f"{host.name} is gone{'; what it made waits for it' if host.present else ''}")
+                    self._note(f"{host.name} is gone{'; its streams wait for it' if host.present else ''}")
                 self._forget(number, self._clock.federation_us(now_us))
 
     def on_time(self, now_us: int) -> None:
@@ -78,7 +78,7 @@ class HostDesk:
             elif host is None:
                 self._drop(number)
             else:
-                self._note(f"{host.name} is silent; what it made waits for it")
+                self._note(f"{host.name} is silent; its streams wait for it")
                 self._withdraw(host, self._clock.federation_us(now_us))
 
     @property
@@ -95,7 +95,7 @@ class HostDesk:
         return bool(self._out) or (bool(self._hosts) and any(host.is_owing for host in self._hosts.values()))
 
     def flush(self) -> list[HostEffect]:
-        """What is to be done now: call it at the end of a step, so that samples of one step travel together."""
+        """Return the pending effects; called at the end of a step, so that samples of one step travel together."""
         for number, host in self._hosts.items():
             if host.is_owing:
                 self._out.append(TellHost(number, tuple(host.flush())))
@@ -103,7 +103,7 @@ class HostDesk:
         return out
 
     def _due_us(self, number: int, heard_us: int) -> int | None:
-        """When a connection has been silent for too long; those that timed out do not time out again."""
+        """When a connection will have been silent for too long; None: its host has timed out already."""
         host = self._hosts.get(number)
         return heard_us + SILENT_US if host is None or host.present else None
 
@@ -111,23 +111,23 @@ class HostDesk:
         host = self._hosts.get(number)
         self._instance.network.now_us = max(self._instance.network.now_us, federation_us)
         try:
-            said = decode_from_host(payload)
+            message = decode_from_host(payload)
             if host is None:
-                self._register(number, said, federation_us)
+                self._register(number, message, federation_us)
             elif host.present or self._offer(host, federation_us):
-                self._on_said(host, said, federation_us)
+                self._on_message(host, message, federation_us)
         except DecodeError as wrong:
             self.malformed += 1
             self._note(
-                f"{'a host' if host is None else host.name} sent what is no message ({wrong}); it is disconnected"
+                f"{'a host' if host is None else host.name} sent an invalid message ({wrong}); it is disconnected"
             )
             self._drop(number)
             self._forget(number, federation_us)
 
-    def _on_said(self, host: Host, said: FromHost, federation_us: int) -> None:
-        match said:
+    def _on_message(self, host: Host, message: FromHost, federation_us: int) -> None:
+        match message:
             case HostOutput():
-                host.on_made(said, federation_us)
+                host.on_made(message, federation_us)
             case HostFault(number, text):
                 process = host.processes.get(number)
                 if process is not None:
@@ -137,12 +137,12 @@ class HostDesk:
             case Register():
                 raise DecodeError("registered twice")
 
-    def _register(self, number: int, said: FromHost, federation_us: int) -> None:
-        if not isinstance(said, Register):
+    def _register(self, number: int, message: FromHost, federation_us: int) -> None:
+        if not isinstance(message, Register):
             raise DecodeError("not registered")
-        host = self._hosts[number] = Host(number, said, self._instance.unit)
+        host = self._hosts[number] = Host(number, message, self._instance.unit)
         if self._offer(host, federation_us):
-            names = [*(each.name for each in said.units), *(each.name for each in said.sources)]
+            names = [*(each.name for each in message.units), *(each.name for each in message.sources)]
             self._note(f"{host.name} offers {', '.join(names)[:MAX_NOTE]}")
 
     def _offer(self, host: Host, federation_us: int) -> bool:
@@ -167,7 +167,7 @@ class HostDesk:
         return True
 
     def _admit(self, host: Host) -> None:
-        """Nothing is taken before everything can be; raises what is in the way."""
+        """Check that all prototypes of a host can be taken; raises the error of the first that cannot."""
         instance = self._instance
         for other in self._hosts.values():
             names = {each.name for each in other.prototypes} if other.present else set()

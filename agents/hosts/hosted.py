@@ -1,7 +1,7 @@
 """A knowledge process host as its platform sees it, and the processes it runs for it (thesis 5.2, 5.3).
 
-A hosted process is one on demand like any other: its input streams end here, its generator is here. What it takes goes
-to the host as messages, what it makes comes back later; so its streams cannot begin in the past.
+A hosted process is on demand like any other: its input streams end here, its generator is here. Its input samples go
+to the host as messages, its output comes back later; so its streams cannot begin in the past.
 """
 
 from collections.abc import Callable, Sequence
@@ -23,7 +23,7 @@ _EVER: Final = 2**63
 
 
 class HostLink(NamedTuple):
-    """An input that the host takes from another process of its own, in what that made from one serial up to another."""
+    """An input that the host takes from another of its processes, `maker`: the outputs from one serial up to another."""
 
     maker: int
     since: int
@@ -35,12 +35,12 @@ class Host:
 
     Args:
         number: of the connection.
-        said: its registration.
+        registration: its registration message.
         unit: of the platform, for the labels of the host's stream generators.
     """
 
-    def __init__(self, number: int, said: messages.Register, unit: str) -> None:
-        self.number, self.said = number, said
+    def __init__(self, number: int, registration: messages.Register, unit: str) -> None:
+        self.number, self.registration = number, registration
         self.present = False
         self.dropped = self.dropped_there = 0
         self.processes: dict[int, HostedProcess] = {}
@@ -52,14 +52,14 @@ class Host:
         self._processes_begun = self._serial = 0
         self._sorts = {
             each.name: Sort(each.name, tuple(Field(*part) for part in each.fields), unit=each.unit)
-            for each in said.sorts
+            for each in registration.sorts
         }
-        if len(self._sorts) < len(said.sorts):
+        if len(self._sorts) < len(registration.sorts):
             raise DecodeError("duplicate sort")
         self.prototypes: list[Prototype] = [
-            *map(self._unit, said.units), *(self._source(each) for each in said.sources if not each.label)
+            *map(self._unit, registration.units), *(self._source(each) for each in registration.sources if not each.label)
         ]  # fmt: skip
-        labelled = [each for each in said.sources if each.label]
+        labelled = [each for each in registration.sources if each.label]
         self.own = {_own_label(each.label, unit): self._source(each) for each in labelled}
         if len(self.own) < len(labelled):
             raise DecodeError("duplicate label")
@@ -67,7 +67,7 @@ class Host:
     @property
     def name(self) -> str:
         """Name in notes to the user."""
-        return f"host {self.said.pid} ({self.said.module})"
+        return f"host {self.registration.pid} ({self.registration.module})"
 
     @property
     def is_owing(self) -> bool:
@@ -97,7 +97,7 @@ class Host:
 
     def flush(self) -> list[bytes]:
         """Take all messages for the host."""
-        if self.said.train:
+        if self.registration.train:
             self._chain()
         due, self.due = self.due, {}
         for process in due:
@@ -106,7 +106,7 @@ class Host:
         return out
 
     def on_made(self, made: messages.HostOutput, now_us: int) -> None:
-        """Hand on what a process made, if it still has clients. Raises DecodeError if it cannot be."""
+        """Pass on the output of a process, if it still has clients. Raises DecodeError if it is invalid."""
         process = self.processes.get(made.process)
         if process is None:
             return
@@ -164,7 +164,7 @@ class Host:
         return prototype
 
     def _checked(self, *names: str) -> tuple[Sort, ...]:
-        """Those of the sorts that the host has declared with units or fields."""
+        """The sorts of these names that the host has declared with units or fields."""
         return tuple(self._sorts[name] for name in dict.fromkeys(names) if name in self._sorts)
 
 
@@ -172,8 +172,8 @@ class HostedProcess(OnDemand):
     """One process at a host.
 
     Attributes:
-        number: what the host knows it by; 0 while it is dormant.
-        grid: what of a source is wanted, so that no more of it travels; None: all.
+        number: its number at the host; 0 while it is dormant.
+        grid: the samples of a source that are wanted, so that no others are sent; None: all.
     """
 
     def __init__(
@@ -292,7 +292,7 @@ class HostedProcess(OnDemand):
     # Chains
 
     def chainable(self, makers: dict[Label, int]) -> list[tuple[int, int]]:
-        """The inputs that take all of what one of these processes makes, and which."""
+        """(input, number of the process) for the inputs that take all samples of one of these processes."""
         taken = enumerate(zip(self._wanted, self.proxies, strict=True))
         return [(i, makers[each.label]) for i, (each, proxy) in taken if each.label in makers and proxy.adapter.is_open]
 

@@ -17,7 +17,7 @@ MAX_BATCH: Final = 256
 
 
 class Read(NamedTuple):
-    """Read a source from a time on, what lies on the grid of it (None: all)."""
+    """Read a source from a time on, only samples on `grid` (None: all)."""
 
     process: int
     source: SourcePrototype
@@ -26,7 +26,7 @@ class Read(NamedTuple):
 
 
 HostStep: TypeAlias = messages.FromHost | Read | messages.Want | messages.End | messages.Welcome | messages.Refuse
-"""Messages for the platform, and what the host's process does: read a source, or the platform's message about that."""
+"""Messages for the platform, and steps of the host's process: to read a source, or the platform's message about that."""
 
 
 class _Item(NamedTuple):
@@ -49,7 +49,7 @@ class KnowledgeHost:
     """The processes of one host.
 
     Args:
-        prototypes: what it offers.
+        prototypes: the prototypes that it offers.
         pid, module: its identity, for users.
         batch: number of input samples of a process that are processed together.
         train: whether a sample passes a whole chain of processes before the next scheduled action.
@@ -62,7 +62,7 @@ class KnowledgeHost:
         self, prototypes: Iterable[Prototype], pid: int, module: str, *, batch: int = 1, train: bool = False
     ) -> None:
         if not 1 <= batch <= MAX_BATCH:
-            raise ValueError(f"a batch has 1 to {MAX_BATCH} samples, got {batch}")
+            raise ValueError(f"batch: expected 1 to {MAX_BATCH} samples, got {batch}")
         self._prototypes = {prototype.name: prototype for prototype in prototypes}
         self._pid, self._module, self._batch, self._train = pid, module, batch, train
         self.reset()
@@ -108,7 +108,7 @@ class KnowledgeHost:
         return self._scheduler.acting
 
     def on_message(self, message: messages.FromPlatform) -> list[HostStep]:
-        """Take a message of the platform; what follows at once."""
+        """Take a message of the platform; returns the steps that follow at once."""
         match message:
             case messages.Welcome() | messages.Refuse() | messages.Want():
                 return [message]
@@ -147,7 +147,7 @@ class KnowledgeHost:
         working = self._working.get(process)
         if working is not None:
             self._work(process, working, item, now_us)
-        return [] if self._scheduler.acting else self._said()
+        return [] if self._scheduler.acting else self._pending()
 
     def _work(self, process: int, working: _Working, item: _Item, now_us: int) -> None:
         working.taken += item.counted
@@ -172,16 +172,16 @@ class KnowledgeHost:
     def _following(self, process: int, sample: Sample) -> list[tuple[int, _Item]]:
         return [(each, _Item(i, sample, False, False)) for each, i in self._followers.get(process, ())]
 
-    def _said(self) -> list[messages.FromHost]:
-        said: list[messages.FromHost] = [
+    def _pending(self) -> list[messages.FromHost]:
+        pending: list[messages.FromHost] = [
             messages.HostOutput(process, self._working[process].taken, serial, past, tuple(samples))
             for (process, serial, past), samples in self._made.items()
             if process in self._working
         ]
         self._made = {}
-        said += self._faults
+        pending += self._faults
         self._faults = []
-        return said
+        return pending
 
     def _begin(self, begin: messages.Begin) -> list[HostStep]:
         prototype, process = self._prototypes.get(begin.prototype), begin.process

@@ -6,20 +6,20 @@ from heapq import heapify, heappop, heappush, heapreplace
 from typing import Generic, TypeVar
 
 P = TypeVar("P", bound=Hashable)
-I = TypeVar("I")  # noqa: E741  (an item: what a process works on)
+I = TypeVar("I")  # noqa: E741  (an item that a process works on)
 
 
 class Scheduler(Generic[P, I]):
-    """Says which process is to work on what next. An action is the work on one batch; it is not interrupted.
+    """Selects the process that works next, and its item. An action is the work on one batch; it is not interrupted.
 
     Of the processes for which a batch waits the one of the highest priority is next, of equals the one whose oldest
-    item has waited longest. With `train` what an item brings forth for other processes is worked on before anything
+    item has waited longest. With `train` the outputs of an item are processed by other processes before anything
     else, from the start of the chain to its end: each item of a batch passes the whole chain before the next one does.
 
     Args:
         batch: how many items of a process must wait before it works, on all of them.
         train: whether chains are one action.
-        bound: most items of a process that wait, the newest; what gave way is counted in `dropped`.
+        bound: most items of a process that wait, the newest; older ones are dropped and counted in `dropped`.
 
     Raises:
         ValueError: a batch of less than 1 item, or of more than can wait.
@@ -29,11 +29,11 @@ class Scheduler(Generic[P, I]):
 
     def __init__(self, batch: int = 1, *, train: bool = False, bound: int = 4096) -> None:
         if not 1 <= batch <= bound:
-            raise ValueError(f"a batch has 1 to {bound} samples, got {batch}")
+            raise ValueError(f"batch: expected 1 to {bound} samples, got {batch}")
         self._batch, self._train, self._bound = batch, train, bound
         self._priorities: dict[P, int] = {}
         self._waiting: dict[P, deque[tuple[int, I]]] = {}
-        self._ready: list[tuple[int, int, P]] = []  # per process with a batch: what comes first, by its oldest item
+        self._ready: list[tuple[int, int, P]] = []  # per process with a batch: -priority, arrival of its oldest item
         self._action: deque[tuple[P, I]] = deque()
         self._arrivals = self.dropped = 0
 
@@ -47,13 +47,13 @@ class Scheduler(Generic[P, I]):
         return bool(self._action)
 
     def add(self, process: P, priority: int = 0) -> None:
-        """A process comes, with nothing that waits for it; of several the one with the higher priority is first."""
+        """Add a process without waiting items; a process of higher priority works before others."""
         self.remove(process)
         self._priorities[process] = priority
         self._waiting[process] = deque()
 
     def remove(self, process: P) -> None:
-        """It goes, and with it all that waits for it; nothing happens if it is not there."""
+        """Remove a process and its waiting items, if it is there."""
         self._priorities.pop(process, None)
         self._waiting.pop(process, None)
         self._ready = [each for each in self._ready if each[2] != process]
@@ -61,7 +61,7 @@ class Scheduler(Generic[P, I]):
         self._action = deque(each for each in self._action if each[0] != process)
 
     def put(self, process: P, item: I) -> None:
-        """An item for a process, from outside; for one that is not there it is dropped."""
+        """Add an item for a process, from outside; it is dropped if the process does not exist."""
         waiting = self._waiting.get(process)
         if waiting is None:
             return
@@ -74,7 +74,7 @@ class Scheduler(Generic[P, I]):
             self.dropped += 1
 
     def follow(self, items: Iterable[tuple[P, I]]) -> None:
-        """What the item that was worked on last brings forth for other processes, in the order of their turns."""
+        """Add the outputs of the last item for other processes, in the order of their turns."""
         if self._train:
             self._action.extendleft(reversed([each for each in items if each[0] in self._priorities]))
         else:
@@ -94,7 +94,7 @@ class Scheduler(Generic[P, I]):
         return self._action.popleft()
 
     def _first(self) -> deque[tuple[int, I]] | None:
-        """What waits for the process that is first; an item that gave way keeps no place."""
+        """The waiting items of the first process; a dropped item keeps no place."""
         while self._ready:
             priority, oldest, process = self._ready[0]
             waiting = self._waiting[process]

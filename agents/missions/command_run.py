@@ -218,9 +218,9 @@ class CommandRun:
         return away_m <= LEVEL_M and abs(fix.altitude_m - order.altitude_m) <= UPRIGHT_M
 
     def _is_out(self, line_m: float, pilot: Pilot) -> bool:
-        told = pilot.winch
-        is_newer = told is not None and told.valid_us > self._ordered_us
-        return bool(is_newer and told and told.line_m is not None and abs(told.line_m - line_m) <= LINE_M)
+        report = pilot.winch
+        is_newer = report is not None and report.valid_us > self._ordered_us
+        return bool(is_newer and report and report.line_m is not None and abs(report.line_m - line_m) <= LINE_M)
 
 
 def _place(pilot: Pilot, fix: Fix) -> tuple[float, float]:

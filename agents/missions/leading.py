@@ -147,7 +147,7 @@ class MissionLeading(Part):
         self._check_free(content.mission)
         if self._origin() is None:
             raise Refused(
-                "the home of this platform's vehicle is not known, which is the origin of places", "no-origin"
+                "the home of this platform's vehicle, the origin of places, is not known yet: ask again", "no-origin"
             )
 
     def _check_free(self, mission: str) -> None:
@@ -242,7 +242,7 @@ class MissionLeading(Part):
             led.end("a command centre ended it", now_us)
 
     def on_cancel(self, act: Act, now_us: int) -> bool:  # noqa: ARG002  (as every part)
-        """It is cancelled while its texts are read."""
+        """Cancel a mission while its texts are read."""
         content = self._reading.pop((act.sender.unit, act.conversation_id or ""), None)
         if content is not None:
             self.searches.end(content)
@@ -371,11 +371,11 @@ class MissionLeading(Part):
             self._note_of(f"mission {order.name}: {kind}: {text}"[:400])
         delegator = order.act.sender.unit
         if self._directory.is_present(delegator):
-            told = Progress(step=f"{kind}: {text}"[:1000], unit=self._unit)
-            self._agent.tell(delegator, told, now_us, conversation=order.conversation)
+            progress = Progress(step=f"{kind}: {text}"[:1000], unit=self._unit)
+            self._agent.tell(delegator, progress, now_us, conversation=order.conversation)
 
     def ended(self, led: LedMission, effect: events.MissionEnded, now_us: int) -> None:
-        """It is over: tell its delegator, and free what it has."""
+        """End a mission: inform its delegator, and release its vehicles and streams."""
         order = led.order
         if self._led.pop(order.name, None) is None:
             return

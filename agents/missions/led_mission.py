@@ -175,10 +175,10 @@ class LedMission:
         if self._locates:
             self._sights.need(now_us, wanted=True)
 
-    # -- told --------------------------------------------------------------------------------------------------
+    # -- reports -----------------------------------------------------------------------------------------------
 
     def take(self, event: events.MissionEvent, now_us: int) -> None:
-        """Something happened."""
+        """Pass an event to the mission, unless it has ended, and carry out the effects."""
         if self.mission is not None and self.mission.ended is None:
             self._do(self.mission.on_event(event, self._ports.federation_us(now_us)), now_us)
 
@@ -203,10 +203,10 @@ class LedMission:
         asked = self.question
         if asked is None or asked.question != number:
             raise Refused(
-                "that question is not open" if asked is None else f"question {asked.question} is open", "no-question"
+                f"question {number} is not open; {'none' if asked is None else asked.question} is", "no-question"
             )
         if answer not in asked.options:
-            raise Refused(f"{answer!r} is no answer; answers are {', '.join(asked.options)}", "no-answer")
+            raise Refused(f"expected one of {', '.join(asked.options)}, got {answer!r}", "no-answer")
         self.take(events.QuestionAnswered(number, answer, by), now_us)
 
     def end(self, reason: str, now_us: int) -> None:
@@ -218,7 +218,7 @@ class LedMission:
             self.take(events.MissionAborted(reason), now_us)
 
     def release(self, now_us: int) -> None:
-        """It is over: vehicles are free, streams are needed no more."""
+        """Release the vehicles and streams of a mission that is over."""
         self._ports.end_search(self)
         self._locating.pause(now_us)
         self._effects.end(now_us)

@@ -316,7 +316,7 @@ class Locating:
         ]
 
     def _hand_over(self, sought: SoughtObject, why: str, now_us: int, federation_us: int) -> list[events.MissionEvent]:
-        """Another unit looks on, if there is one."""
+        """Have another unit continue to look, if there is one."""
         sought.failed.add(sought.unit)
         self._watch(None, now_us)
         other = self._unit_for(sought.name, sought.failed)

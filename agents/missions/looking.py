@@ -23,9 +23,9 @@ FIRST_LOOK: Final = 2_000_000
 RESTS_US: Final = 1_000_000
 """A released object lies still by then."""
 NEAR_US: Final = 2_500_000
-"""So long it is looked for from where the unit is."""
+"""How long the object is looked for from the unit's place."""
 ABOVE_US: Final = 4_000_000
-"""So long from above, once the unit is there."""
+"""How long it is looked for from above, once the unit is there."""
 SETTLED_US: Final = 500_000
 ABOVE_M: Final = 15.0
 AROUND_SD_M: Final = 3.0

@@ -2,7 +2,7 @@
 
 The leader informs them of the mission, and of the state that it holds for true whenever a step of the plan begins or ends:
 `(keep-mission ...)`. From another platform than the leader of its vehicle's mission that counts for nothing. The successor
-plans again from that state and what it senses itself, without the vehicle that is gone; goals that it cannot reach it names.
+plans again from that state and its own percepts, without the vehicle that is gone; it names goals that it cannot reach.
 A leader that is back in the same life leads again. Times are the node clock.
 """
 
@@ -29,7 +29,7 @@ AFTER_US: Final = 1_500_000
 
 
 @dataclass(slots=True)
-class _Told:
+class _Informed:
     """At which steps of the plan each platform was informed of one mission that this one leads."""
 
     steps: dict[str, object] = field(default_factory=dict)
@@ -37,7 +37,7 @@ class _Told:
 
 @dataclass(slots=True)
 class _Kept:
-    """What this platform would lead.
+    """A mission that this platform would lead.
 
     Attributes:
         boot: the life of its leader.
@@ -60,7 +60,7 @@ class MissionSuccession(Part):
     def __init__(self, ports: Ports, parts: PartRegistry) -> None:
         self._unit, self._agent, self._directory = ports.unit, ports.agent, ports.directory
         self._performing, self._leading, self._note = parts[Performing], parts[MissionLeading], ports.note
-        self._told: dict[str, _Told] = {}
+        self._informed: dict[str, _Informed] = {}
         self._kept: _Kept | None = None
         self._due_us = 0
         parts[Authority].on_over.append(self._on_over)
@@ -78,8 +78,8 @@ class MissionSuccession(Part):
         if not others or led.mission is None:
             return
         steps = led.mission.status.replans, tuple(phase for _, _, _, phase, _ in led.mission.status.steps)
-        told = self._told.setdefault(name, _Told())
-        late = [each for each in sorted(others, key=unit_order) if told.steps.get(each) != steps]
+        informed = self._informed.setdefault(name, _Informed())
+        late = [each for each in sorted(others, key=unit_order) if informed.steps.get(each) != steps]
         left = led.left(now_us) if late else None
         if left is None:
             return
@@ -87,11 +87,11 @@ class MissionSuccession(Part):
         for unit in late:
             content = KeepMission(
                 mission=name, delegator=led.order.act.sender.unit, conversation=led.order.conversation, problem=problem,
-                domain="" if unit in told.steps else domain, platforms=dict(led.texts.platforms),
+                domain="" if unit in informed.steps else domain, platforms=dict(led.texts.platforms),
                 chain=led.order.chain, timeout_s=led.order.timeout_us / 1e6,
             )  # fmt: skip
             self._agent.tell(unit, content, now_us)
-            told.steps[unit] = steps
+            informed.steps[unit] = steps
 
     # -- as its successor --------------------------------------------------------------------------------------
 
@@ -107,9 +107,9 @@ class MissionSuccession(Part):
 
     def on_peer(self, change: PeerChange, now_us: int) -> None:
         """A leader is gone, or is back."""
-        for told in self._told.values():
+        for informed in self._informed.values():
             if isinstance(change, PlatformGone | PlatformAppeared):
-                told.steps.pop(change.unit, None)
+                informed.steps.pop(change.unit, None)
         kept = self._kept
         if kept is None:
             return
@@ -195,14 +195,14 @@ class MissionSuccession(Part):
         return min((each for each in (due_us, kept_us) if each is not None), default=None)
 
     def on_time(self, now_us: int) -> None:
-        """Inform the others of what has changed; take over from a leader that is gone."""
+        """Inform the others of changes; take over from a leader that is gone."""
         kept = self._kept
         if kept is not None and kept.due_us is not None and now_us >= kept.due_us:
             self._take_over(kept, now_us)
         if now_us < self._due_us:
             return
         self._due_us = now_us + PERIOD_US
-        for name in self._told.keys() - self._leading.led.keys():
-            del self._told[name]
+        for name in self._informed.keys() - self._leading.led.keys():
+            del self._informed[name]
         for name, led in self._leading.led.items():
             self._tell(name, led, now_us)

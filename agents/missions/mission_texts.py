@@ -59,8 +59,8 @@ def read_mission(
     if constraints:
         read_problem = read_problem.joined(parse_problem(constraints, read_domain.joined(read_problem)))
     whole = read_domain.joined(read_problem)
-    if sum(len(each.names) for each in whole.objects) > MAX_OBJECTS:
-        raise Refused(f"a mission has at most {MAX_OBJECTS} objects", "too-large")
+    if (count := sum(len(each.names) for each in whole.objects)) > MAX_OBJECTS:
+        raise Refused(f"objects: expected at most {MAX_OBJECTS}, got {count}", "too-large")
     types = Types(whole)
     units = [name for sort in whole.units for name in types.members[sort]]
     if not units:

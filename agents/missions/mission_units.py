@@ -99,15 +99,15 @@ class OtherUnit:
     def join(self, now_us: int) -> None:
         """Ask it to take part; the chain shows from whom that comes."""
 
-        def on_reply(act: Act, said: Content | None, at_us: int) -> None:
-            if isinstance(said, Performed):
-                self.on_told(said, at_us)
-            elif isinstance(said, VehicleNews):
-                self.waits = said.waits
+        def on_reply(act: Act, content: Content | None, at_us: int) -> None:
+            if isinstance(content, Performed):
+                self._take_performed(content, at_us)
+            elif isinstance(content, VehicleNews):
+                self.waits = content.waits
             elif act.performative in {P.AGREE, P.INFORM}:
                 self.is_ready, self.lost = True, ""
             else:
-                self._lose(said.text if isinstance(said, Reason) else str(act.performative), at_us)
+                self._lose(content.text if isinstance(content, Reason) else str(act.performative), at_us)
 
         self._again_us = None
         self._joined = self.agent.delegate(
@@ -117,14 +117,14 @@ class OtherUnit:
 
     def _lose(self, why: str, now_us: int) -> None:
         self.is_ready, self.lost, self._again_us = False, f"platform {self.platform}: {why}", now_us + AGAIN_US
-        self.on_told(Performed(step=self._step or 0, failure=self.lost), now_us)
+        self._take_performed(Performed(step=self._step or 0, failure=self.lost), now_us)
 
     def on_time(self, now_us: int) -> None:
         """Ask again, where it was lost."""
         if self._again_us is not None and now_us >= self._again_us:
             self.join(now_us)
 
-    def on_told(self, content: Performed, now_us: int) -> None:
+    def _take_performed(self, content: Performed, now_us: int) -> None:
         """Take the result of a step."""
         if self._step is not None and content.step == self._step:
             self._step = None
@@ -135,11 +135,11 @@ class OtherUnit:
         content = PerformCommands(mission=self.mission, step=step, action=action, commands=entries)
 
         def fail(why: str, at_us: int) -> None:
-            self.on_told(Performed(step=step, failure=f"platform {self.platform}: {why}"), at_us)
+            self._take_performed(Performed(step=step, failure=f"platform {self.platform}: {why}"), at_us)
 
-        def on_reply(act: Act, said: Content | None, at_us: int) -> None:
+        def on_reply(act: Act, content: Content | None, at_us: int) -> None:
             if act.performative not in {P.AGREE, P.INFORM}:
-                fail(said.text if isinstance(said, Reason) else str(act.performative), at_us)
+                fail(content.text if isinstance(content, Reason) else str(act.performative), at_us)
 
         self._step = step
         self.agent.delegate(self.platform, content, now_us, on_reply=on_reply, on_silence=fail)

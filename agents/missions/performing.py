@@ -127,7 +127,7 @@ class Performing(Part):
     def on_permit(self, act: Act, content: PermitMission, now_us: int) -> None:
         """`(permit-mission ...)`: let platforms lead a mission with this vehicle."""
         permit = self._authority.delegated(act, content)
-        self._authority.permitted_anew(permit)
+        self._authority.permitted_again(permit)
         self.permits.permit(permit, now_us)
         self._pilot.awaited.expect(content.mission)
         self._agent.done(act, now_us)
@@ -185,7 +185,7 @@ class Performing(Part):
         self._pilot.end_mission(is_over=is_over and not self._is_released)
         if is_over:
             self.permits.end(joined.mission)
-        self._watch.obeys_nobody(now_us)
+        self._watch.obeys_none(now_us)
         self._show(now_us)
 
     def _left(self, now_us: int) -> tuple[str, ...]:
@@ -263,8 +263,8 @@ class Performing(Part):
         commands = checked(content.commands)
 
         def answer(why: str, at_us: int) -> None:
-            told = Performed(step=content.step, failure=why[:1000])
-            self._agent.tell(act.sender.unit, told, at_us, conversation=joined.conversation)
+            performed = Performed(step=content.step, failure=why[:1000])
+            self._agent.tell(act.sender.unit, performed, at_us, conversation=joined.conversation)
 
         self._agent.done(act, now_us)
         self.perform(content.action, commands, answer, now_us)
@@ -361,8 +361,10 @@ def checked(entries: Iterable[CommandEntry]) -> tuple[VehicleCommand, ...]:
                 f"no command {one.name} with {len(one.numbers)} numbers; there are {known}", "unknown-command"
             )
         if one.name == "goto" and not (abs(one.numbers[0]) <= 90 and abs(one.numbers[1]) <= 180):
-            raise Refused("goto: there is no such place", "unknown-command")
+            raise Refused(
+                f"goto: expected degrees on earth, got {one.numbers[0]:g}, {one.numbers[1]:g}", "unknown-command"
+            )
         if one.name == "wait" and not 0 <= one.numbers[0] <= LONGEST_WAIT_S:
-            raise Refused(f"wait: a vehicle waits at most {LONGEST_WAIT_S:g} s", "unknown-command")
+            raise Refused(f"wait: expected 0 to {LONGEST_WAIT_S:g} s, got {one.numbers[0]:g}", "unknown-command")
         found.append(VehicleCommand(one.name, tuple(one.numbers)))
     return tuple(found)

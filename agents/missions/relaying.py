@@ -69,7 +69,7 @@ class MissionRelay(Part):
         return None
 
     def on_cancel(self, act: Act, now_us: int) -> bool:  # noqa: ARG002  (as every part)
-        """It is cancelled while its texts are read."""
+        """Cancel a mission while its texts are read."""
         content = self._reading.pop((act.sender.unit, act.conversation_id or ""), None)
         if content is not None:
             self._searches.end(content)
@@ -95,39 +95,39 @@ class MissionRelay(Part):
         self._tasks.add(Task(conversation, sender, FlyMission.head, take_down, since_us=now_us))
         return None
 
-    def _on_reply(self, conversation: str, leader: str, reply: Act, said: Content | None, now_us: int) -> None:
+    def _on_reply(self, conversation: str, leader: str, reply: Act, content: Content | None, now_us: int) -> None:
         act, _ = self._relayed.get(conversation, (None, ""))
         if act is None:
             return
         if reply.performative is P.AGREE:
             self._agent.answer(act, P.AGREE, None, now_us)
             self._report(act, f"leads: platform {leader}", leader, now_us)
-        elif isinstance(said, Progress):
-            self._report(act, said.step, said.unit or leader, now_us)
-        elif isinstance(said, Done):
-            self._end(conversation, P.INFORM, said, now_us)
+        elif isinstance(content, Progress):
+            self._report(act, content.step, content.unit or leader, now_us)
+        elif isinstance(content, Done):
+            self._end(conversation, P.INFORM, content, now_us)
         else:
-            why = said.text if isinstance(said, Reason) else str(reply.performative)
+            why = content.text if isinstance(content, Reason) else str(reply.performative)
             performative = P.REFUSE if reply.performative is P.REFUSE else P.FAILURE
-            code = said.code if isinstance(said, Reason) else None
+            code = content.code if isinstance(content, Reason) else None
             self._end(conversation, performative, Reason(text=f"platform {leader}: {why}"[:1000], code=code), now_us)
 
     def _report(self, act: Act, step: str, unit: str, now_us: int) -> None:
         if self._directory.is_present(act.sender.unit):
-            told = Progress(step=step[:1000], unit=unit)
-            self._agent.tell(act.sender.unit, told, now_us, conversation=act.conversation_id)
+            progress = Progress(step=step[:1000], unit=unit)
+            self._agent.tell(act.sender.unit, progress, now_us, conversation=act.conversation_id)
 
     def _fail(self, conversation: str, leader: str, why: str, now_us: int) -> None:
         self._end(conversation, P.FAILURE, Reason(text=f"platform {leader}: {why}"[:1000]), now_us)
 
-    def _end(self, conversation: str, performative: Performative, said: Content, now_us: int) -> None:
+    def _end(self, conversation: str, performative: Performative, content: Content, now_us: int) -> None:
         act, _ = self._relayed.pop(conversation, (None, ""))
         if act is not None:
-            self._agent.answer(act, performative, said, now_us)
+            self._agent.answer(act, performative, content, now_us)
             self._tasks.cancel(conversation, now_us)
 
     def _taken_down(self, conversation: str, leader: str, now_us: int) -> tuple[str, ...]:
-        """It is cancelled here, or over."""
+        """Cancel a mission at its leader when it is cancelled here."""
         _, asked = self._relayed.pop(conversation, (None, ""))
         if asked:
             self._agent.cancel(leader, asked, now_us)

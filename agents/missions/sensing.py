@@ -74,7 +74,7 @@ class UnitSensors:
             self._keeper.need(platform, need, now_us, wanted=True)
 
     def end(self, now_us: int) -> None:
-        """They are needed no more."""
+        """Release the streams: they are no longer needed."""
         for platform, need in self._needs:
             self._keeper.need(platform, need, now_us, wanted=False)
 

@@ -1,4 +1,4 @@
-"""A formula over a platform's live states, on request (thesis 7.5), and what is to be done when one becomes true.
+"""A formula over a platform's live states, on request (thesis 7.5), and tasks that begin when one becomes true.
 
 Node clock but for states.
 """
@@ -60,7 +60,7 @@ class Check:
     """The features that have had a value."""
 
     def progress(self, state: FormulaState) -> None:
-        """One more state; what was before anything had a value is unknown."""
+        """Progress over one more state; states before the first value of any feature are skipped."""
         self.valued.update(name for name, value in state.values.items() if value is not NO_VALUE)
         if state.values and not self.valued:
             return
@@ -115,17 +115,17 @@ class Checks(Part):
     def on_when(self, act: Act, content: When, now_us: int) -> None:
         """`(when do: (create-multicast ...) condition: "gas[self] > 40")`: agree, and do it once that is true.
 
-        It is a task until then, and is done as if its requester had asked at that moment, in the same conversation:
+        It is a task until then, and is done as if it were requested at that moment, in the same conversation:
         limits and roles are those of then. It fails when the time is over.
 
         Raises:
-            ContentError, UnknownLabel: as `on_check`, or what is to be done is not understood.
+            ContentError, UnknownLabel: as `on_check`, or the content of `do` is not understood.
             Refused: it may not be asked for in advance; too many requests wait; as `on_check`.
         """
         if content.do.head not in LATER:
             raise Refused(
-                f"({content.do.head} ...) is not done on a condition, unattended: only what can be cancelled is, "
-                f"{', '.join(sorted(LATER))}; follow the condition (dyknow alarms --follow) and ask then",
+                f"on a condition, unattended: expected a request that can be cancelled, {', '.join(sorted(LATER))}, got "
+                f"({content.do.head} ...); follow the condition (dyknow alarms --follow) and request it then",
                 "not-in-advance",
             )
         read(content.do)
@@ -270,7 +270,7 @@ class Checks(Part):
             return
         decided = verdict != "undecided"
         silent, text = made.silent, print_specification(made.declarations("check"))
-        said = Verdict(
+        verdict_content = Verdict(
             verdict=verdict,
             valid_us=check.valid_us if decided else None,
             index=check.states - 1 if decided else None,
@@ -280,7 +280,7 @@ class Checks(Part):
             states=text if len(text) <= LONGEST_STATES else "",
         )
         self._drop(conversation)
-        self._agent.answer(check.act, Performative.INFORM, said, now_us)
+        self._agent.answer(check.act, Performative.INFORM, verdict_content, now_us)
 
     def _do(self, conversation: str, check: Check, when: When, now_us: int) -> None:
         """The condition is true: the request comes in as any other. Or time is over."""

@@ -49,7 +49,7 @@ class Coordination(Part):
                 MONITOR_PROXIMITY,
                 CREATE_MONITOR,
                 REMOVE_MONITOR,
-                Action(contents.Alarm, "on_told", INFORMED),
+                Action(contents.Alarm, "on_reported_alarm", INFORMED),
                 Action(contents.Progress, "on_progress", INFORMED),
                 Action(contents.HandOver, "on_hand_over", INFORMED),
             ),
@@ -167,7 +167,7 @@ class Coordination(Part):
         self._cancel_all({unit: before}, now_us)
 
     def _renew(self, task: str, now_us: int) -> None:
-        """Request everything of the participants again: what a successor requested ends with the requests of the successor."""
+        """Request everything of the participants again: the set-up by a successor ends with the successor's requests."""
         led = self._life.coordinated.get(task)
         if led is None or led.leader != self._unit or (led.renewed_us is not None and now_us < led.renewed_us):
             return
@@ -226,37 +226,39 @@ class Coordination(Part):
             raise Refused("a monitor is created by its name alone, without profile or parameters", "contradiction")
         plan = self._plans.named(content.name, _us(content.sample_period_s), _us(content.delay_s))
         conversation = self._life.check_free(act.conversation_id, act.sender.unit)
-        asker, task = act.sender.unit, content.task
+        requester, task = act.sender.unit, content.task
         owner = conversation if task is None else task
-        told = None if task is None else self._told(act, content, task, now_us)
+        led = None if task is None else self._led_by_sender(act, content, task, now_us)
         self._monitor([plan], owner, now_us)
-        if told is not None:
-            self._life.follow(act, told, plan, now_us)
+        if led is not None:
+            self._life.follow(act, led, plan, now_us)
 
         def take_down(at_us: int) -> tuple[str, ...]:
-            return self._leave(owner, plan.name, asker, at_us)
+            return self._leave(owner, plan.name, requester, at_us)
 
         name, is_part = contents.CreateMonitor.head, task is not None
-        self._life.add(Task(conversation, asker, name, take_down, since_us=now_us, is_part=is_part, monitor=plan.name))
+        self._life.add(
+            Task(conversation, requester, name, take_down, since_us=now_us, is_part=is_part, monitor=plan.name)
+        )
         self._agent.done(act, now_us)
         self._keeper.wake(now_us)
 
-    def _told(self, act: Act, content: contents.CreateMonitor, task: str, now_us: int) -> CoordinatedTask:
+    def _led_by_sender(self, act: Act, content: contents.CreateMonitor, task: str, now_us: int) -> CoordinatedTask:
         """The task whose coordinator the sender is, by the evidence that it shows.
 
         Raises:
             Refused: it is not, or shows none.
         """
-        asker, generation = act.sender.unit, content.generation or 1
-        if content.coordinator not in {None, asker}:
-            raise Refused(f"monitors are set up by the coordinator {content.coordinator}, not {asker}", "role")
+        requester, generation = act.sender.unit, content.generation or 1
+        if content.coordinator not in {None, requester}:
+            raise Refused(f"monitors are set up by the coordinator {content.coordinator}, not {requester}", "role")
         evidence = self._authority.proven(act, task, (contents.MonitorProximity,), now_us)
         try:
-            self._life.check_claim(Claim(evidence, asker, act.boot, generation), now_us)
+            self._life.check_claim(Claim(evidence, requester, act.boot, generation), now_us)
         except Refused:
             self._renew(task, now_us)
             raise
-        return CoordinatedTask(evidence, (), asker, generation, act.boot)
+        return CoordinatedTask(evidence, (), requester, generation, act.boot)
 
     def on_remove_monitor(self, act: Act, content: contents.RemoveMonitor, now_us: int) -> None:
         """`(remove-monitor name: proximity)`: end what `create-monitor` set up; see `TaskLife.endable`.
@@ -360,10 +362,10 @@ class Coordination(Part):
             if self._directory.is_present(unit):
                 self._agent.tell(unit, alarm, now_us)
 
-    def on_told(self, act: Act, alarm: contents.Alarm, now_us: int) -> None:
-        """`(alarm ...)`: a participant of a task we coordinate raised it; what others tell us is in our monitors, too.
+    def on_reported_alarm(self, act: Act, alarm: contents.Alarm, now_us: int) -> None:
+        """`(alarm ...)`: a participant of a task we coordinate raised it; alarms of others our own monitors see, too.
 
-        What no other of its units sees is passed on once more, as the word of that participant alone.
+        An alarm that no other of its units raises is passed on once more, as the report of that participant alone.
 
         Raises:
             Refused: `not-a-participant`; or it is no alarm of a monitor of the task about the sender.
@@ -383,13 +385,13 @@ class Coordination(Part):
             self._pass_on(led, alarm, now_us)
 
     def on_progress(self, act: Act, content: contents.Progress, now_us: int) -> None:
-        """`(progress ...)`: what a participant of a task we coordinate reports goes to its delegator."""
+        """`(progress ...)`: pass the report of a participant of a task we coordinate on to its delegator."""
         led = self._life.coordinated.get(act.conversation_id or "")
         if led is not None and act.sender.unit in led.members:
             self._progress(led, content.step, act.sender.unit, now_us)
 
     def report(self, step: str, now_us: int) -> None:
-        """Tell the delegators what became of giving way here."""
+        """Report a step of giving way to the delegators."""
         for led in self._life.coordinated.values():
             if led.avoidance:
                 self._pass_on(led, contents.Progress(step=step[:200], unit=self._unit), now_us)

@@ -1,4 +1,4 @@
-"""From the name of a monitor to what it takes: formula, inputs, period (thesis 9.4.2: the formula is local knowledge)."""
+"""Plans of monitors by name: formula, inputs, period (thesis 9.4.2: the formula is local knowledge)."""
 
 from collections.abc import Callable, Iterable, Mapping, Sequence
 from dataclasses import dataclass, replace
@@ -94,7 +94,7 @@ def _never(_state: Sequence[Value]) -> bool:
 
 
 def states_declaration(plan: MonitorPlan, maker: StateMaker, translation: Translation) -> Specification:
-    """What the states of one instance of a plan are made of, in KPL, of the local streams."""
+    """The states of one instance of a plan as a KPL specification over the local streams."""
     taken = Policy(change="sample", sample_us=plan.period_us, from_us=0, max_delay_us=plan.max_delay_us)
     terms = tuple(StreamTerm(translation.local_label(label, unit), taken) for label, unit in maker.inputs)
     return states_of(plan.name, terms, replace(taken, from_us=None, exact=True))
@@ -109,7 +109,7 @@ class PlanBook:
 
     @classmethod
     def of(cls, ports: Ports, _parts: PartRegistry) -> "PlanBook":
-        """That of a platform."""
+        """Build it from the ports and parts of a platform."""
         return cls(ports.unit, ports.config.profiles, ports.config.period_us)
 
     def declare(self, plan: MonitorPlan) -> Callable[[], None]:
@@ -162,10 +162,12 @@ class PlanBook:
         if profile.sample_us % self._grid_us or profile.sample_us <= 0:
             period, grid = print_duration(profile.sample_us), print_duration(self._grid_us)
             raise Refused(
-                f"a period of {period} is no multiple of {grid}, the period of this platform's estimates", "period"
+                f"period: expected a multiple of {grid}, the period of this platform's estimates, got {period}",
+                "period",
             )
         if profile.max_delay_us > MAX_DELAY_US:
-            raise Refused(f"a monitor waits for late samples {print_duration(MAX_DELAY_US)} at most", "too-long")
+            most, delay = print_duration(MAX_DELAY_US), print_duration(profile.max_delay_us)
+            raise Refused(f"delay for late samples: expected at most {most}, got {delay}", "too-long")
 
     def prepare(self) -> None:
         """Read what tasks usually take, so that the first one is not slowed by it."""
@@ -174,7 +176,7 @@ class PlanBook:
     def for_task(
         self, profile: str | None, period_us: int | None = None, delay_us: int | None = None
     ) -> tuple[MonitorPlan, ...]:
-        """What `monitor-proximity` takes: the named profile, or the violation and its warning."""
+        """The monitors of `monitor-proximity`: the named profile, or the violation and its warning."""
         names = DEFAULT_TASK if profile is None else (profile,)
         return tuple(self.named(name, period_us, delay_us) for name in names)
 

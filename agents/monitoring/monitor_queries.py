@@ -32,13 +32,13 @@ LONGEST_STATES = 1000
 LOOK_US = 200_000
 """How often the monitors are looked at while there are subscribers."""
 BEGINNING_US = 1_500_000
-"""So long a new monitor may be without its inputs before it counts as unknown."""
+"""How long a new monitor may be without its inputs before it counts as unknown."""
 BETWEEN_US = 1_000_000
 """A monitor that changes more often is reported once in this time."""
 
 
 class _Known(NamedTuple):
-    """What subscribers know of a monitor, and since when (node clock)."""
+    """State of a monitor as last reported to subscribers, and when (node clock)."""
 
     monitor: Monitor
     is_unknown: bool
@@ -98,7 +98,7 @@ class MonitorQueries(Part):
         return self._look_us if self._subscribers else None
 
     def on_time(self, now_us: int) -> None:
-        """Compare what monitors show with what was reported."""
+        """Compare the monitors with their last reported states, and report the changes."""
         if not self._subscribers or now_us < self._look_us:
             return
         self._look_us = now_us + LOOK_US

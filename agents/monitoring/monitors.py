@@ -1,8 +1,8 @@
 """The monitors of a platform: states out of local and imported streams, formulas over the states (thesis 9.4.2).
 
 A named monitor whose formula quantifies over `units - {self} growing` has one instance per other platform, each with
-a state stream of its own: a silent platform makes its own instance stale and no other. What this platform brings to
-all of them is synchronised once. Federation time.
+a state stream of its own: a silent platform makes its own instance stale and no other. This platform's own inputs
+to all of them are synchronised once. Federation time.
 """
 
 from collections.abc import Callable, Iterable
@@ -37,7 +37,7 @@ class NamedMonitor:
 
     Attributes:
         states: of all instances, while there are any.
-        taps: what feeds all instances alike.
+        taps: the inputs that all instances share.
         check_us: the inputs of no instance go stale or missing before this.
     """
 
@@ -70,7 +70,7 @@ class UnitMonitors:
         network: the local instance.
         source: (semantic label, unit) -> its local label, declared if it was not, and how its values become semantic.
         on_alarm: called with every opening, closing and end.
-        contain: what becomes of a monitor that raises; None: it is raised.
+        contain: contains errors of a monitor; None: they are raised.
 
     Attributes:
         on_members: called when a unit has joined or left.
@@ -101,7 +101,7 @@ class UnitMonitors:
 
     @classmethod
     def of(cls, ports: Ports, _parts: PartRegistry) -> "UnitMonitors":
-        """Those of a platform."""
+        """Build it from the ports and parts of a platform."""
         return cls(ports.unit, ports.network, ports.source(), ports.on_own_alarm, ports.contain)
 
     # -- what is monitored -------------------------------------------------------------------------------------
@@ -167,7 +167,7 @@ class UnitMonitors:
                 named.wake(monitor)
                 self._hasten()
 
-    def doubt(self, member: str, reason: str, now_us: int) -> None:
+    def suspect(self, member: str, reason: str, now_us: int) -> None:
         """The platform is gone or its clock is skewed: its inputs count as missing."""
         if member not in self._members or self._members[member] == reason:
             return
@@ -193,7 +193,7 @@ class UnitMonitors:
             listener()
 
     def needs(self) -> Needs:
-        """What they live on; the same object while that does not change."""
+        """The streams that they need of other units; the same object while these do not change."""
         if self._needs is None:
             self._needs = self._needed()
         return self._needs
@@ -222,7 +222,7 @@ class UnitMonitors:
                         self._thin(named, instance)
 
     def shed(self, every: int) -> None:
-        """This platform has too much to do: its monitors look at each `every`-th state only; 1: at all again."""
+        """Evaluate only each `every`-th state, because of the platform's load; 1: all."""
         self._shed = every
         for named in self.named.values():
             for instance in named.instances.values():
@@ -257,7 +257,7 @@ class UnitMonitors:
         return self._due_us
 
     def _hasten(self) -> None:
-        """Something may be due earlier than was known."""
+        """Compute the deadline again: a monitor may be due earlier."""
         self._is_due_known = False
 
     def on_time(self, now_us: int) -> None:
@@ -287,7 +287,9 @@ class UnitMonitors:
     def _begin(self, named: NamedMonitor, member: str, now_us: int) -> None:
         plan = named.plan
         if self._count >= MAX_INSTANCES:
-            raise Refused(f"this platform keeps {MAX_INSTANCES} monitors already", "too-many")
+            raise Refused(
+                f"this platform keeps {MAX_INSTANCES} monitors already; end a task (dyknow tasks)", "too-many"
+            )
         key = (self.unit, member) if member else (self.unit,)
         maker = StateMaker(plan, member, self.unit)
         for label, unit in (*maker.shared, *maker.own):
@@ -374,7 +376,7 @@ class UnitMonitors:
         for member, valid_us, state in states:
             instance = named.instances.get(member)
             if instance is None:
-                continue  # what an alarm before it led to has ended it
+                continue  # a consequence of an earlier alarm has ended it
             monitor, maker = instance.monitor, instance.maker
             try:
                 if not (maker.is_clear(state) and monitor.on_clear(valid_us, now_us)):
@@ -386,13 +388,13 @@ class UnitMonitors:
                 self._raised(named, error)
 
     def _raised(self, named: NamedMonitor, error: Exception) -> None:
-        """One monitor raised over one state: the others look at theirs."""
+        """Contain the error of one monitor, so that the others continue."""
         if self._contain is None:
             raise error
         self._contain.caught(f"Monitor of {named.plan.name}", error)
 
 
 def _marked(event: AlarmEvent, taps: Iterable[tuple[Tap, Feed]]) -> AlarmEvent:
-    """The event; of a state that rests on predictions with when the oldest of them was made."""
+    """The event, with the time of the oldest prediction that its state is computed from, if any."""
     made_us = [tap.made_us[event.valid_us] for tap, _ in taps if event.valid_us in tap.made_us]
     return event._replace(made_us=min(made_us)) if made_us else event

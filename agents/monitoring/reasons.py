@@ -42,7 +42,7 @@ def reasons(found: Iterable[Explanation]) -> tuple[Because, ...]:
 
 
 def scalar(value: Value) -> bool | float | NoValue | str:
-    """A value as an act can carry it: records, and what is not finite, as text."""
+    """A value as an act can carry it: records, and numbers that are not finite, as text."""
     if isinstance(value, NoValue | bool) or (isinstance(value, int | float) and -LARGEST <= value <= LARGEST):
         return value
     return shortened(str(as_json(value)))

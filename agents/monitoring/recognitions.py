@@ -26,12 +26,12 @@ from reasoning.chronicles.definition.model import ChronicleFile
 TIMEOUT_S = 60.0
 MOST, MOST_OF_ONE = 16, 2
 """Requests for chronicles: of all members, and of one."""
-MOST_TOLD = 10_000
+MOST_REPORTED = 10_000
 LIMITS = RecognitionLimits(events=100_000, events_of_one_binding=1_000, waiting=10_000, found_at_once=1_000)
 
 
 class Open(NamedTuple):
-    """One watch, and for whom; `partials` looks for what may become an instance."""
+    """One watch, and its request; `partials` watches for partial instances."""
 
     act: Act
     watch: ChronicleWatch
@@ -39,7 +39,7 @@ class Open(NamedTuple):
 
 
 class Recognitions(Part):
-    """What is being watched for on one platform."""
+    """The chronicles that are being recognised on one platform, on request."""
 
     offers = (Offer(COORDINATION, (Action(Recognise, "on_recognise", SUBSCRIBED),)),)
     answers = (Expected, Recognised)
@@ -64,7 +64,7 @@ class Recognitions(Part):
         """
         conversation = self._tasks.check_free(act.conversation_id, act.sender.unit)
         if conversation in self._open or conversation in self._parsing:
-            raise Refused(f"conversation {conversation} is about other chronicles", "other-task")
+            raise Refused(f"conversation {conversation} is about other chronicles; open one of your own", "other-task")
         self._check_room(act.sender.unit)
 
         def on_parsed(reading: TextReading[ChronicleFile], federation_us: int) -> None:
@@ -101,11 +101,11 @@ class Recognitions(Part):
         network, numbers = self._network, count(1)
 
         def on_recognised(instance: ChronicleInstance, prediction: Predicted | None, _at_us: int) -> None:
-            if next(numbers) <= MOST_TOLD:
-                self._inform(act, _said(instance, prediction))
+            if next(numbers) <= MOST_REPORTED:
+                self._inform(act, _recognised(instance, prediction))
 
-        def on_fault(label: Label, said: str) -> None:
-            self._inform(act, Reason(text=f"{label}: {said}"[:1000]))
+        def on_fault(label: Label, text: str) -> None:
+            self._inform(act, Reason(text=f"{label}: {text}"[:1000]))
 
         def refusal(label: Label) -> str:
             stream = network.behind(label)
@@ -125,16 +125,16 @@ class Recognitions(Part):
             new = [each for name, each in now.items() if name not in expected]
             expected.update(now)
             for each in (*gone, *new):
-                if next(numbers) <= MOST_TOLD:
+                if next(numbers) <= MOST_REPORTED:
                     self._inform(act, each)
 
         partials = PartialWatch(network, watch, None, on_partials) if content.partial else None
         self._open[conversation] = Open(act, watch, partials)
         self._deadlines.set(conversation, now_us + round((content.timeout_s or TIMEOUT_S) * US_PER_S))
 
-    def _inform(self, act: Act, said: Content) -> None:
+    def _inform(self, act: Act, content: Content) -> None:
         """At the time at which the streams are."""
-        self._agent.answer(act, Performative.INFORM, said, self._clock.wall_us(self._network.now_us))
+        self._agent.answer(act, Performative.INFORM, content, self._clock.wall_us(self._network.now_us))
 
     def on_cancel(self, act: Act, now_us: int) -> bool:
         return self.on_lost(act, now_us)
@@ -175,7 +175,7 @@ def _read(text: str) -> ChronicleFile:
     """
     found = parse_chronicles(text)
     if not found.chronicles:
-        raise Refused("there is no chronicle in the text", "text")
+        raise Refused("text: expected at least one chronicle, got none", "text")
     try:
         Recogniser.of(found)
     except ChronicleError as wrong:
@@ -183,7 +183,7 @@ def _read(text: str) -> ChronicleFile:
     return found
 
 
-def _said(instance: ChronicleInstance, prediction: Predicted | None) -> Recognised:
+def _recognised(instance: ChronicleInstance, prediction: Predicted | None) -> Recognised:
     return Recognised(
         chronicle=instance.chronicle,
         bindings=dict(instance.bindings),

@@ -36,7 +36,7 @@ class LeftOut(NamedTuple):
 
 
 class ReportedAlarms:
-    """What each unit has raised or reported of late, its own included."""
+    """Alarms that each unit has raised or reported of late, this platform's own included."""
 
     def __init__(self) -> None:
         self._quota = ActLimits(PER_S, BURST, KEPT)
@@ -55,7 +55,7 @@ class ReportedAlarms:
             del self._open[next(iter(self._open))]
 
     def admits(self, task: str, alarm: Alarm, now_us: int) -> bool:
-        """Whether this one is passed on; what closes an alarm that was, always is."""
+        """Whether this one is passed on; the end of an alarm that was passed on always is."""
         name = alarm.by, alarm.id
         if alarm.event != "opened" and name in self._passed:
             del self._passed[name]
@@ -86,7 +86,7 @@ class ReportedAlarms:
         """A participant of the task reports an alarm of its own."""
         self.see(alarm.by, alarm.monitor, alarm.units, is_open=alarm.event == "opened")
         if alarm.event == "opened" and len(self._waiting) < KEPT:
-            for other in set(alarm.units) - {alarm.by}:  # what closed before this alarm confirms nothing
+            for other in set(alarm.units) - {alarm.by}:  # an alarm closed before this one confirms nothing
                 self._forget_closed((other, alarm.monitor, frozenset(alarm.units)))
             self._waiting[task, alarm.id] = now_us + CONFIRM_US, alarm
 

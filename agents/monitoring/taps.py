@@ -1,4 +1,4 @@
-"""What feeds the monitors: one subscription a stream and period, whatever many monitors look at it."""
+"""Inputs of the monitors: one subscription a stream and period, shared by all monitors that read it."""
 
 from collections.abc import Callable
 from typing import TypeAlias

@@ -33,7 +33,7 @@ class TextReading(Generic[T]):
 
     @property
     def result(self) -> T | None:
-        """What the worker made of it; raises the error that it met."""
+        """The parsed text; raises the worker's error."""
         if isinstance(self.parsed, DyknowError):
             raise self.parsed
         return self.parsed

@@ -76,12 +76,12 @@ class UnitMonitoring(Part):
         if change.why is Departure.LEFT:
             self.monitors.leave(change.unit)
         else:
-            self.monitors.doubt(change.unit, change.why, self._clock.federation_us(now_us))
+            self.monitors.suspect(change.unit, change.why, self._clock.federation_us(now_us))
             self._departed.set(change.unit, now_us + FORGOTTEN_US)
 
     def _judge_clock(self, unit: str, now_us: int) -> None:
         standing = self._standing[unit] = self._standing_of(unit)
         if standing in {Standing.SKEWED, Standing.UNKNOWN}:
-            self.monitors.doubt(unit, f"clock {standing.value}", self._clock.federation_us(now_us))
+            self.monitors.suspect(unit, f"clock {standing.value}", self._clock.federation_us(now_us))
         else:
             self.monitors.join(unit, self._clock.federation_us(now_us))

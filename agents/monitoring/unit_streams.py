@@ -23,7 +23,7 @@ class UnitStreams:
         translation: the platform's own labels and units.
         monitors: knows the other units.
         demand: called when an input of another unit is needed, and when it is no longer.
-        objects: knows the objects in streams of object states. What bears the name of no unit may be one of them.
+        objects: knows the objects in streams of object states; a name that is no unit's may be one of theirs.
     """
 
     def __init__(
@@ -83,7 +83,7 @@ class UnitsStream(OnDemand):
         self._tell()
 
     def on_sample(self, i: int, sample: Sample) -> None:
-        """It takes no streams."""
+        """Never called: the stream has no inputs."""
 
     def since_us(self) -> int:
         """Earlier members are not kept."""

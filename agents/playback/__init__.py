@@ -1,4 +1,4 @@
-"""A platform of a recorded federation, played back: it offers what was recorded of it, and answers like any other.
+"""A platform of a recorded federation, played back: it offers its recorded streams, and answers like any other.
 
-What is played comes as events; when, the edge that reads the recording decides.
+Recorded samples, acts and alarms come as events; the edge that reads the recording decides when.
 """

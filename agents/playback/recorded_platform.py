@@ -48,7 +48,7 @@ class OffersPlayed(NamedTuple):
 
 
 class Played(NamedTuple):
-    """What the recording has of one moment, in its order."""
+    """The recorded samples, acts and alarms of one moment, in their order."""
 
     at_us: int
     happened: tuple[PlayedSample | PlayedAct | AlarmEvent, ...]
@@ -93,7 +93,7 @@ class RecordedPlatform(Part):
         if known is None:
             self._agreements.define(label, now_us)
         elif known.sort != label.sort:
-            raise Refused(f"recorded it is of the sort {label.sort.name}, here {known}", "other-sort")
+            raise Refused(f"expected the sort of the label here, {known}, got {label.sort.name}", "other-sort")
         local = self._translation.local_label(label.name, self._unit)
         if not self._network.has(local):
             self._network.add_source(local, self._translation.local_sort(label.name))

@@ -1,4 +1,4 @@
-"""What a platform answers to `(avoid ...)`: to a manoeuvre that another one proposes, and to a meeting that it leaves to us."""
+"""Answers to `(avoid ...)`: to a manoeuvre that another platform proposes, and to a meeting that it leaves to us."""
 
 from typing import Final
 
@@ -18,7 +18,7 @@ SOON_S: Final = 20.0
 
 
 class AvoidAnswers:
-    """Answers to proposals. What this platform agrees to is stored in `logic` and `neighbourhood`."""
+    """Answers to proposals. Agreements are stored in `logic` and `neighbourhood`."""
 
     def __init__(self, unit: str, logic: SeparationLogic, neighbourhood: Neighbourhood, view: SituationView) -> None:
         self._unit, self._logic = unit, logic
@@ -37,7 +37,7 @@ class AvoidAnswers:
             raise Refused("this platform does not know where it is", "no-position")
         legs = legs_of(content.legs)
         if legs is None:
-            raise Refused("legs are no places; write latitude,longitude,altitude;...", "no-places")
+            raise Refused("legs: expected places; write latitude,longitude,altitude;...", "no-places")
         if not own.is_airborne:
             raise Refused("the vehicle is on the ground or not armed", "grounded")
         known = self._neighbourhood.others.by_unit.get(other)
@@ -55,9 +55,9 @@ class AvoidAnswers:
         return self._hear(other, legs, content.speed_m_s, situation)
 
     def _take(self, other: str, because: str, legs: tuple[IntendedPlace, ...], now: Situation) -> str:
-        """It leaves the meeting to us, if there is one on the way that it flies on."""
+        """Take a meeting that another leaves to us, if its continued way meets ours; returns a note for users."""
         known = self._neighbourhood.others.by_unit[other]
-        if known.said:
+        if known.has_intent:
             known.intent = known.intent._replace(rank=RightOfWay.CANNOT, legs=legs)
         now = now._replace(traffic=self._view.traffic_now(now))
         if self._logic.avoids(other):
@@ -72,7 +72,7 @@ class AvoidAnswers:
         return f"leaves all of it to {self._unit}: {because}"
 
     def _hear(self, other: str, legs: tuple[IntendedPlace, ...], speed_m_s: float | None, now: Situation) -> str:
-        """What it will fly: refused where it meets the manoeuvre that we fly, or a way of ours that cannot be changed."""
+        """Check its proposed way; refused if it meets our manoeuvre, or a way of ours that cannot be changed."""
         known = self._neighbourhood.others.by_unit[other]
         own = known.intent
         proposed = own._replace(
@@ -84,8 +84,8 @@ class AvoidAnswers:
             contingency=Contingency(0.0, own.legs, own.ending),  # until it says that it flies it
         )
         if self._is_met(proposed, now):
-            raise Refused(f"it meets what {self._unit} flies", "not-free")
-        if known.said:  # its positions stand for one that publishes no intent, or one that they contradict
+            raise Refused(f"it meets the way of {self._unit}", "not-free")
+        if known.has_intent:  # else its positions stand for it: it has no intent, or one that they contradict
             known.intent = proposed
         return f"{other} makes room"
 

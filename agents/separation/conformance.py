@@ -1,8 +1,8 @@
-"""Whether the own vehicle flies what its intent says (ASTM F3548: an operational intent is nonconforming when it does not).
+"""Conformance of the own vehicle to its intent (ASTM F3548: an operational intent is nonconforming otherwise).
 
-What it has published is compared with where it is two seconds later. A vehicle that the wind carries off, or that flies
-elsewhere by a word that this platform has not heard, is off its intent: from then on its intent says only what its motion shows,
-an alarm is open, and others keep away from where it may get.
+The published intent is compared with the position two seconds later. A vehicle that the wind carries off, or that
+flies elsewhere by an order unknown to this platform, is off its intent: from then on its intent is its motion alone, an
+alarm is open, and others keep away from where it may get.
 """
 
 from collections import deque

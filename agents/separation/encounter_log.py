@@ -1,8 +1,8 @@
 """One record for each encounter, as an authority asks for it: both sides' positions and intents, acts, orders, alarms, in one order.
 
-An encounter begins 20 s before its meeting was seen, and ends 5 s after it was over. It is made of what the platform holds anyway: the
-histories of streams, the audit log, its alarms, and the notes of giving way. Its messages are those of a recording, so that
-everything that plays or draws recordings does so with it. Times are federation time, but for `now_us` of the node.
+An encounter begins 20 s before its meeting was seen, and ends 5 s after it was over. Its record is made from the
+histories of streams, the audit log, the alarms, and the notes of giving way. Its messages are those of a recording, so
+that tools for recordings play and draw it. Times are federation time, but for `now_us` of the node.
 """
 
 from collections import deque
@@ -53,7 +53,7 @@ class EncounterLog(Part):
     # -- what happens ------------------------------------------------------------------------------------------
 
     def begin(self, other: str, now_us: int) -> None:
-        """That vehicle is met; a meeting that is seen again soon is the same encounter."""
+        """Begin an encounter with a vehicle; a meeting that is seen again soon continues it."""
         if self._keeps:
             known = self._open.get(other)
             self._open[other] = (
@@ -69,7 +69,7 @@ class EncounterLog(Part):
             self._wake(now_us)
 
     def note(self, text: str, now_us: int) -> None:
-        """Something was decided, ordered or seen."""
+        """Note a decision, an order or an observation."""
         if self._keeps:
             self._notes.append((self._clock.federation_us(now_us), text))
 

@@ -8,7 +8,7 @@ from navigation.cruise import CruiseReport
 from navigation.intents.intent import CLIMB_M_S, DESCENT_M_S, SPEED_M_S
 
 OVER_US: Final = 2_000_000
-"""Two speeds so far apart in time show whether it gains speed."""
+"""Time between the two speeds whose difference shows whether the vehicle gains speed."""
 GAINS_M_S, STEADY_M_S, MOVES_M_S = 0.5, 0.3, 1.0
 MOST_UPRIGHT_M_S: Final = 20.0
 _KEPT: Final = 0.998
@@ -23,7 +23,7 @@ class FlownSpeeds:
         self.forget()
 
     def forget(self) -> None:
-        """It is on the ground."""
+        """Forget the speeds: the vehicle is on the ground."""
         self._seen.clear()
         self._steady_m_s = self.fastest_m_s = self._up_m_s = self._down_m_s = 0.0
 

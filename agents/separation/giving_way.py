@@ -1,6 +1,6 @@
 """From a meeting to a manoeuvre that those concerned agree on, and back to the own way (thesis 9.4.1).
 
-The glue between intents, the rule of `agents.separation.logic`, acts to the others, and the pilot. Whatever is decided is noted
+The glue between intents, the rule of `agents.separation.logic`, acts to the others, and the pilot. Decisions are noted
 here and reported to the delegators of the tasks that keep vehicles apart. Times are the node clock.
 """
 
@@ -48,7 +48,7 @@ class GivingWay(Part):
     """The meetings of one platform, carried out.
 
     Args:
-        neighbourhood: what others will do, and what it says of its own vehicle.
+        neighbourhood: the intents of others, and of the own vehicle.
         log: keeps a record of each meeting.
         monitors: whose warnings say that this platform will do nothing about them.
         emit: takes commands to the vehicle.
@@ -118,7 +118,7 @@ class GivingWay(Part):
         return None if blind_us is None else max(self._clock.wall_us(blind_us), self._blind_us)
 
     def on_time(self, now_us: int) -> None:
-        """The position is unknown by now: those that this vehicle meets are notified."""
+        """Notify the vehicles that this one meets: its position is unknown by now."""
         blind_us = self._view.blind_from_us
         if blind_us is None or self._pilot.now_us < blind_us or now_us < self._blind_us:
             return
@@ -143,7 +143,7 @@ class GivingWay(Part):
         self.logic.manoeuvre = self._neighbourhood.manoeuvre = None
 
     def _end_stray(self, now_us: int, *, may_command: bool) -> None:
-        """What the vehicle still flies of a manoeuvre that is over: it was on the ground or could not be commanded then."""
+        """End a manoeuvre that is over but still flown: the vehicle was on the ground, or could not be commanded then."""
         if self._is_flown:
             return
         self._neighbourhood.manoeuvre = None
@@ -158,7 +158,7 @@ class GivingWay(Part):
         """`(avoid ...)`: another one proposes what it will fly, or, with `because`, leaves the meeting to us.
 
         Raises:
-            Refused: what it proposes meets what we have agreed to; or we cannot avoid it, with the reason.
+            Refused: its proposal meets our agreed manoeuvre; or we cannot avoid it, with the reason.
         """
         other = act.sender.unit
         try:
@@ -205,12 +205,12 @@ class GivingWay(Part):
                     self._neither.close(unit, self._clock.federation_us(now_us))
 
     def _propose(self, unit: str, content: Avoid, now_us: int) -> None:
-        def on_reply(reply: Act, said: Content | None, at_us: int) -> None:
+        def on_reply(reply: Act, answer: Content | None, at_us: int) -> None:
             if reply.performative in {Performative.AGREE, Performative.INFORM}:  # the result may overtake the agree
                 if content.because is None:
                     self._on_agreed(unit, at_us)
             elif reply.performative in {Performative.REFUSE, Performative.NOT_UNDERSTOOD, Performative.FAILURE}:
-                self._declined(unit, content, said if isinstance(said, Reason) else Reason(text="no reason"), at_us)
+                self._declined(unit, content, answer if isinstance(answer, Reason) else Reason(text="no reason"), at_us)
 
         def on_silence(why: str, at_us: int) -> None:
             if content.because is None:
@@ -226,7 +226,7 @@ class GivingWay(Part):
         self._do(self.logic.on_agreed(unit, self._pilot.now_us), now_us)
 
     def _declined(self, unit: str, content: Avoid, reason: Reason, now_us: int) -> None:
-        """It refuses our proposal, or what we leave to it."""
+        """Take the refusal of our proposal, or of a meeting that we leave to the other."""
         if content.because is None:
             if reason.code == "not-free":
                 self._tell(f"{unit} refuses: {reason.text}", now_us)
@@ -241,7 +241,7 @@ class GivingWay(Part):
 
     def _fly(self, step: Fly, now_us: int) -> None:
         manoeuvre = self.logic.manoeuvre
-        if manoeuvre is None:  # what was flown before it could not be
+        if manoeuvre is None:  # the manoeuvre before it could not be flown
             return
         places = self._view.places(manoeuvre.places)
         try:
@@ -260,7 +260,7 @@ class GivingWay(Part):
                 self._count_pursuit(unit, now_us)
 
     def _count_pursuit(self, unit: str, now_us: int) -> None:
-        """One for which we make room again and again may do that on purpose: users are to judge it."""
+        """Report a vehicle for which we make room again and again: it may follow us on purpose, as users may judge."""
         if self._pursuits.count(unit, now_us) >= PURSUES:
             self._pursuits.forget(unit)
             self._tell(

@@ -4,7 +4,7 @@ Two meet when their tubes lose the minima within `LOOK_S`. Of two the later in t
 (`navigation.intents.intent.RightOfWay`, then the name). For each vehicle that we meet:
 
     state      it is entered when                                            then
-    EXPECTED   the other is later, and can                                   it yields; what it commits is free of us: over
+    EXPECTED   the other is later, and can                                   it yields; its manoeuvre is free of us: over
     MINE       we are later; or the other cannot, has left it to us, or      we plan a way that is free of all others and of
                has not shown anything for 2 s                                their contingencies, propose it, fly it
     LEFT       we cannot: our mode, our limits, a refusal, nothing is free   the other is notified, and is to take it
@@ -12,8 +12,8 @@ Two meet when their tubes lose the minima within `LOOK_S`. Of two the later in t
 
 and of our own manoeuvre:
 
-    PROPOSED   to those that we meet, for half a second at most; what was   all agree, or are silent: FLOWN; one refuses: again;
-               flown before is flown meanwhile                              the reason is gone: what was flown before
+    PROPOSED   to those that we meet, for half a second at most; the way    all agree, or are silent: FLOWN; one refuses: again;
+               before it is flown meanwhile                                 the reason is gone: the way before it
     FLOWN      it is commanded, place by place                               refused, overtaken, unseen: we cannot, for 5 s, and
                                                                              are taken to fly our own way
                our own way has been free of all others for half a second,    over: we fly on
@@ -47,7 +47,7 @@ from navigation.intents.meeting import MINIMA, clearance, closeness, first_meeti
 from navigation.intents.path import FlatMotion, Tube, fly
 
 LOOK_S: Final = 12.0
-"""What is farther ahead is not acted on: until then much may change."""
+"""Meetings farther ahead are not acted on: until then much may change."""
 STEPS: Final = 81
 PATIENCE_US: Final = 2_000_000
 ASKS_US, URGENT_S = 500_000, 6.0
@@ -55,11 +55,12 @@ AGAIN_US: Final = 1_000_000
 OVER_US: Final = 1_500_000
 LEAST_US, FREE_US = 1_500_000, 500_000
 TURN_US, NEAR_M = 1_000_000, 100.0
-"""So much later than each one before it a vehicle flies on: that one has published its way by then."""
+"""Delay of a vehicle's flying on after each one before it, which has published its way by then."""
 CANNOT_US: Final = 5_000_000
-MOST_ASKED: Final = 2
+MOST_REFUSALS: Final = 2
 WAITS_US, ROUND_US, AFTER_US = 4_000_000, 2_000_000, 1_000_000
-"""So long one stands where it has made room before it looks for a way round, so often, and later for each in its way that goes before by name."""
+"""How long a vehicle stands where it has made room before it looks for a way round, the pause between such looks, and
+the delay for each vehicle in its way that goes before by name."""
 OFTEN, OFTEN_US, MOST_COUNTED = 3, 120_000_000, 64
 """A vehicle that makes room for another one so often does not get on: that is reported."""
 NOTHING_FREE: Final = "no way is free of all others within its limits"
@@ -70,7 +71,7 @@ class SeparationLogic:
 
     Attributes:
         meetings: by unit.
-        manoeuvre: what it flies to keep apart; None: its own way.
+        manoeuvre: the manoeuvre by which it keeps apart; None: it flies its own way.
         cannot: why its manoeuvres are not flown at the moment.
     """
 
@@ -107,7 +108,7 @@ class SeparationLogic:
         return steps
 
     def flown(self, now: Situation) -> Tube:
-        """What it flies now, from now on."""
+        """The tube of its present way, from now on."""
         manoeuvre = None if self.manoeuvre is None else self.manoeuvre.flown
         if manoeuvre is not None:
             speed_m_s = manoeuvre.planned.speed_m_s or now.performance.speed_m_s
@@ -116,7 +117,7 @@ class SeparationLogic:
         return fly(now.motion, now.legs, now.ending, now.performance, STEPS)
 
     def _soon(self, now: Situation, tube: Tube, within_s: float = LOOK_S) -> dict[str, float]:
-        """Those that it meets on that way, and in how many seconds; contingencies count of those that are silent."""
+        """Seconds until it meets each unit on that way; contingencies count for silent units."""
         traffic, found = now.traffic, dict[str, float]()
         if not traffic.units:
             return found
@@ -179,11 +180,11 @@ class SeparationLogic:
         asked = [
             unit
             for unit in sorted(mine)
-            if now.neighbours[unit].said and not now.neighbours[unit].is_silent(now.now_us)
+            if now.neighbours[unit].has_intent and not now.neighbours[unit].is_silent(now.now_us)
         ]
         made.awaited = set(asked)
         proposed: list[Step] = [Propose(unit, found) for unit in asked]
-        if not asked or seconds <= URGENT_S or self._refusals >= MOST_ASKED:
+        if not asked or seconds <= URGENT_S or self._refusals >= MOST_REFUSALS:
             return [*proposed, *self._begin(now.now_us, made)]
         made.before = manoeuvre
         self.manoeuvre = made
@@ -198,7 +199,7 @@ class SeparationLogic:
         return Yielding(now.motion, now.legs, now.ending, now.performance, tubes, now.allowed, now.slow_m_s)
 
     def _is_better(self, now: Situation, found: PlannedManoeuvre) -> bool:
-        """Whether it keeps farther away than what is flown."""
+        """Whether it keeps farther away than the present way."""
         steps = found.tube.shape[1]
         others = now.traffic.tubes[:, :, :steps]
         present = clearance(closeness(self.flown(now)[:, :steps], others, MINIMA))
@@ -267,7 +268,7 @@ class SeparationLogic:
         return sum(unit_order(unit) < unit_order(self.unit) for unit in earlier)
 
     def _go_round(self, now: Situation, manoeuvre: Manoeuvre) -> list[Step]:
-        """One that has stood for a while since its way is not free looks for one that leads round what is in the way."""
+        """Plan a way round the vehicles in its way, once it has stood for a while because of them."""
         due_us = max(manoeuvre.since_us + WAITS_US, self._planned_us + ROUND_US)
         if now.now_us < due_us or not _stands(now.motion):
             return []
@@ -285,7 +286,7 @@ class SeparationLogic:
         return self._begin(now.now_us, Manoeuvre(found, units, now.now_us, seen_us=now.now_us))
 
     def _in_the_way(self, now: Situation) -> tuple[str, ...]:
-        """Those that its own way meets, as far as it is looked at."""
+        """The units that its own way meets within `STEPS`, sorted."""
         way = fly(now.motion, now.legs, now.ending, now.performance, STEPS)
         return tuple(sorted(self._soon(now, way, np.inf)))
 
@@ -293,7 +294,7 @@ class SeparationLogic:
         self.manoeuvre = None
         return [GoOn(tuple(sorted(manoeuvre.units)))]
 
-    # -- what cannot be ----------------------------------------------------------------------------------------
+    # -- meetings that it cannot avoid -------------------------------------------------------------------------
 
     def _leave(self, now: Situation, unit: str, reason: str) -> list[Step]:
         """We do not avoid it: it is notified, once; where it cannot either, that is an alarm."""
@@ -340,7 +341,7 @@ class SeparationLogic:
         return manoeuvre is not None and unit in manoeuvre.units and not self.cannot
 
     def on_agreed(self, unit: str, now_us: int) -> list[Step]:
-        """It has agreed to our manoeuvre, or does not answer: it is flown once all have."""
+        """Note that a unit agrees to our manoeuvre, or does not answer; it is flown once all have."""
         manoeuvre = self.manoeuvre
         if manoeuvre is None or manoeuvre.state is not ManoeuvreState.PROPOSED:
             return []
@@ -348,14 +349,14 @@ class SeparationLogic:
         return [] if manoeuvre.awaited else self._begin(now_us, manoeuvre)
 
     def on_declined(self, unit: str, now_us: int) -> None:
-        """It has refused our manoeuvre: another one is planned, and its newest intent is part of that."""
+        """Drop our manoeuvre, which a unit has refused; the next is planned with that unit's newest intent."""
         manoeuvre = self.manoeuvre
         if manoeuvre is not None and manoeuvre.state is ManoeuvreState.PROPOSED and unit in manoeuvre.awaited:
             self._refusals += 1
             self.manoeuvre, self._planned_us = manoeuvre.before, now_us - AGAIN_US // 2
 
     def on_left(self, unit: str, now: Situation) -> str | None:
-        """It leaves the meeting to us; returns why we do not take it, or None."""
+        """Take a meeting that a unit leaves to us; returns why we cannot, or None."""
         seconds = self.meets(now, unit)
         meeting = self.meetings.get(unit)
         if meeting is None:
@@ -369,7 +370,7 @@ class SeparationLogic:
         return None
 
     def on_left_refused(self, unit: str, reason: str, now: Situation, *, is_unseen: bool = False) -> list[Step]:
-        """It cannot take what we have left to it; `is_unseen`: it does not see the meeting yet, and is notified again."""
+        """Take a unit's refusal of a meeting left to it; `is_unseen`: it does not see it yet, and is notified again."""
         meeting = self.meetings.get(unit)
         if meeting is None or meeting.told_us is None:
             return []
@@ -380,7 +381,7 @@ class SeparationLogic:
         return self._leave(now, unit, now.cannot or self.cannot or NOTHING_FREE)
 
     def forget(self, units: Iterable[str]) -> list[Step]:
-        """Nothing keeps them apart now: no task wants it."""
+        """End the meetings with these units: no task keeps vehicles apart now."""
         steps: list[Step] = [Over(unit) for unit in units if self.meetings.pop(unit, None) is not None]
         return steps
 

@@ -1,7 +1,8 @@
 """Intents out and in: that of the own vehicle as the stream `intent`, those of others while a task keeps vehicles apart.
 
-The own one is put out twice a second, on the grid. What others say is imported from all platforms that offer it; one that offers
-none is taken by its position. A vehicle that is silent in the air is an alarm. Times are the node clock.
+The own one is put out twice a second, on the grid. Intents of others are imported from all platforms that offer them; a
+platform that offers none is represented by its position. A vehicle that is silent in the air is an alarm. Times are the
+node clock.
 """
 
 from collections.abc import Iterable
@@ -32,7 +33,7 @@ from reasoning import SILENT_IN_THE_AIR, AlarmEvent
 PERIOD_US: Final = 500_000
 LOOK_US: Final = 500_000
 TELLS_US: Final = 3_000_000
-"""So long after its last word a vehicle in the air is reported as silent."""
+"""Age of the last intent after which a vehicle in the air is reported as silent."""
 LEFT_US: Final = 60_000_000
 """How long one stays traffic whose platform has left in flight."""
 _OWN_US: Final = 2_000_000
@@ -40,7 +41,7 @@ MOST_NOTED: Final = 256
 SAME_HEIGHT_M: Final = 3.0
 """How many notes about intents that are left out there are, at most."""
 AIRCRAFT_M, AIRCRAFT_UP_M, UNKNOWN_HEIGHT_M = 15.0, 10.0, 20.0
-"""What an aircraft that is no member gets besides what its place and height are known to."""
+"""Margins for an aircraft that is no member, in addition to the uncertainty of its place and height."""
 
 
 class Neighbourhood(Part):
@@ -89,7 +90,7 @@ class Neighbourhood(Part):
             yield LabelEntry(label=INTENT, sort=entry.sort.name, type_hash=entry.type_hash, period_us=PERIOD_US)
 
     def intent(self) -> Intent | None:
-        """What the own vehicle will do; None: it is not known where it is."""
+        """The intent of the own vehicle; None: its position is unknown."""
         intent = self.own.now(self.manoeuvre, self.manoeuvre_m_s)
         return intent._replace(rank=RightOfWay.CANNOT) if intent is not None and self.cannot else intent
 
@@ -132,7 +133,7 @@ class Neighbourhood(Part):
             self._note(f"an intent of {unit} is left out: {why}")
 
     def take(self, unit: str, intent: Intent, at_us: int) -> None:
-        """What a member says it will do, at a time of the federation."""
+        """Take the intent of a member, at a federation time."""
         if intent.at_us > at_us + _OWN_US:
             self._leave_out(unit, "ahead of time", "it is ahead of time")
             return
@@ -150,7 +151,7 @@ class Neighbourhood(Part):
         return self._due_us
 
     def on_time(self, now_us: int) -> Followed:
-        """Ask for what is needed, and report those that are silent."""
+        """Request the intents that are needed, and report silent vehicles."""
         if self._due_us is not None and now_us >= self._due_us:
             self._look(now_us)
         return ()
@@ -240,7 +241,7 @@ class Neighbourhood(Part):
         )  # fmt: skip
 
     def conditions(self) -> Iterable[ConditionEntry]:
-        """Those that are silent in the air."""
+        """The vehicles that are silent in the air."""
         for unit, event in list(self._silent.items())[:4]:
             yield ConditionEntry(
                 text=_silent_words(unit, event), since_us=max(0, self._clock.wall_us(event.detected_us))

@@ -1,7 +1,8 @@
 """The other vehicles as traffic: where each was to be by its newest intent, grown while it is silent, bounded where it lies.
 
-A member that is silent, in the air, stays traffic, by its intent and its contingency, wider by half a metre a second, until it
-is heard again, is seen on the ground, or its battery must be empty. One that has published no intent is taken by its motion.
+A member that is silent, in the air, stays traffic, by its intent and its contingency, wider by half a metre a second,
+until it is heard again, is seen on the ground, or its battery must be empty. The motion of a member without intent
+stands for it.
 Federation time.
 """
 
@@ -19,16 +20,16 @@ from navigation.intents.intent import Intent, IntentEnding, IntentSource, RightO
 from navigation.intents.path import STEP_S, STEPS, FlatOrigin, Tube, contingent, later, nominal, resumed
 
 SILENT_US: Final = 2_000_000
-"""So long without a word a member is silent: two intents a second are due."""
+"""Time without an intent or position after which a member is silent: two intents a second are due."""
 GROWS_M_S, GROWS_MOST_M = 0.5, 25.0
 FORGOTTEN_US: Final = 1_800_000_000
 """By then the battery of a copter is empty."""
 MOST_OWN_M: Final = 30.0
-"""No vehicle claims more room for itself than that: what it says is cut down to it."""
+"""No vehicle claims more room for itself than that: wider claims are cut down to it."""
 LEAP_M, LEAP_M_S = 50.0, 60.0
 CREDIBLE_US: Final = 3_000_000
 FORMER_US: Final = 20_000_000
-"""So long one that has leapt is kept away from as well where it would be if it had not: the leap may be the lie."""
+"""How long the place of a vehicle without its leap is kept clear, too: the leap may be false."""
 CONTRADICTIONS: Final = 3
 """Looks running in which positions contradict an intent, or come without one, before they stand for it: one may be an outlier."""
 RESUMES_S: Final = tuple(float(after_s) for after_s in range(0, 33, 4))
@@ -37,7 +38,7 @@ RESUMED_STEPS: Final = 400
 """Such a way is flown ahead for 200 s; after that the vehicle is taken to stand there, as wide as it has grown."""
 APART_M, APART_UP_M, MOVES_M_S, ASTRAY_M_S = 25.0, 12.0, 3.0, 6.0
 """How far apart position and intent of one moment may be, and how much more for each second between them."""
-"""One that has leapt is traffic where it was last until it has been credible for so long."""
+"""A vehicle that has leapt is traffic where it was last until it has been credible for so long."""
 ALTITUDE_LEAP_M, ALTITUDE_LEAP_M_S = 6.0, 12.0
 WORD_US: Final = 1_000_000
 """An intent that is so much newer takes back that its vehicle cannot avoid another."""
@@ -52,11 +53,12 @@ class Neighbour:
 
     Attributes:
         intent: its newest word; heard_us: when that, or its position, came.
-        said: whether it is taken by an intent of its own; False: by its positions.
+        has_intent: whether it is taken by an intent of its own; False: by its positions.
         contradicted: how many looks its positions have contradicted its intent; belied_us: when its positions last
         contradicted its intent; it is taken by them until that is `CREDIBLE_US` ago.
         leapt_us: when it was last somewhere where no vehicle gets so fast; the intent before stands then.
-        former: what it had published before it leapt, or was somewhere else after a silence, and when that came: it stands, too, until `FORMER_US` later.
+        former: its intent before it leapt, or was elsewhere after a silence, and when that came: it stands, too, until
+            `former_until_us`.
         own_way: its newest word that was no manoeuvre.
         cannot: why it does not avoid us, in its own words, since `cannot_us`; empty: it has reported nothing of the kind.
     """
@@ -64,7 +66,7 @@ class Neighbour:
     unit: str
     intent: Intent
     heard_us: int
-    said: bool = True
+    has_intent: bool = True
     leapt_us: int | None = None
     belied_us: int | None = None
     contradicted: int = 0
@@ -85,13 +87,13 @@ class Neighbour:
         return max(0.0, (now_us - self.intent.at_us) / 1e6)
 
     def rank(self, now_us: int) -> RightOfWay:
-        """Its right of way: one that is silent, or has published no intent, cannot be asked for anything."""
-        if not self.said or self.cannot or self.is_silent(now_us) or self.leapt_us is not None:
+        """Its right of way: a vehicle that is silent, or has published no intent, cannot be requested to yield."""
+        if not self.has_intent or self.cannot or self.is_silent(now_us) or self.leapt_us is not None:
             return RightOfWay.CANNOT
         return self.intent.rank
 
     def keep_former(self, now_us: int) -> None:
-        """What is published from now on may be wrong: what was published before stands as well for a while."""
+        """Keep the present intent for `FORMER_US` next to newer ones, which may be wrong."""
         if self.former is None or now_us > self.former_until_us:
             self.former = self.intent, self.heard_us
         self.former_until_us = now_us + FORMER_US
@@ -138,7 +140,7 @@ class Neighbour:
         return found
 
     def say(self, intent: Intent, now_us: int) -> None:
-        """Its newest word, which is believed."""
+        """Take its newest intent, which is believed."""
         self.intent, self.heard_us = intent, now_us
         if intent.source is not IntentSource.MANOEUVRE:
             self.own_way = intent
@@ -159,7 +161,7 @@ def tube_of(intent: Intent, origin: FlatOrigin, now_us: int, steps: int) -> Tube
 class Traffic3D(NamedTuple):
     """The tubes of several neighbours: an array of (K, 5, steps), with whose each is, and whether it counts.
 
-    What an autopilot does on a lost link counts for planning alone while its vehicle is heard.
+    The way of an autopilot on a lost link counts for planning alone while its vehicle is heard.
     """
 
     tubes: npt.NDArray[np.float64]
@@ -181,7 +183,7 @@ class Neighbours:
         if known is not None and known.belied_us is not None and now_us - known.belied_us < CREDIBLE_US:
             known.candidate = intent
             return None
-        if known is None or not known.said:
+        if known is None or not known.has_intent:
             self._put(Neighbour(unit, intent, now_us))
             self.by_unit[unit].say(intent, now_us)
             return None
@@ -221,11 +223,13 @@ class Neighbours:
         if known is None and not is_fresh:
             return None
         if known is not None:
-            if is_fresh and (known.said or known.candidate is not None):
+            if is_fresh and (known.has_intent or known.candidate is not None):
                 problem = contradiction(known.candidate or known.intent, fix)
-                is_mute = known.said and known.leapt_us is None and known.intent.is_airborne and known.is_silent(now_us)
+                is_mute = (
+                    known.has_intent and known.leapt_us is None and known.intent.is_airborne and known.is_silent(now_us)
+                )
             known.contradicted = known.contradicted + 1 if problem is not None or is_mute else 0
-            if known.said and known.contradicted < CONTRADICTIONS:
+            if known.has_intent and known.contradicted < CONTRADICTIONS:
                 return None
         intent = Intent(
             fix.valid_us, fix.latitude_deg, fix.longitude_deg, fix.altitude_m, fix.north_m_s, fix.east_m_s,
@@ -233,11 +237,11 @@ class Neighbours:
             radius_m=min(MOST_OWN_M, radius_m), half_height_m=min(MOST_OWN_M, half_height_m),
         )  # fmt: skip
         if known is None:
-            known = Neighbour(unit, intent, now_us, said=False)
+            known = Neighbour(unit, intent, now_us, has_intent=False)
             self._put(known)
-        elif known.said or fix.valid_us > known.intent.at_us:
-            known.candidate = known.intent if known.said and problem is not None else known.candidate
-            known.intent, known.heard_us, known.said, known.leapt_us = intent, now_us, False, None
+        elif known.has_intent or fix.valid_us > known.intent.at_us:
+            known.candidate = known.intent if known.has_intent and problem is not None else known.candidate
+            known.intent, known.heard_us, known.has_intent, known.leapt_us = intent, now_us, False, None
         if problem is None:
             return None
         is_news, known.belied_us = known.belied_us is None, now_us

@@ -1,4 +1,4 @@
-"""What one member causes, counted within a window: so that what it repeats is reported in bounds, and reported as repeated."""
+"""Counts of events that one member causes within a window: repeated ones are reported in bounds, and as repeated."""
 
 from collections import deque
 from typing import Final
@@ -6,7 +6,7 @@ from typing import Final
 REPORTS, REPORTS_US = 4, 4_000_000
 """Answers to acts of one member are reported at most so often within that time; the rest is answered and counted alone."""
 PURSUES, PURSUES_US = 6, 60_000_000
-"""One for which that number of manoeuvres began within that time may be following the vehicle on purpose."""
+"""A vehicle for which that number of manoeuvres began within that time may be following this one on purpose."""
 MOST: Final = 256
 
 

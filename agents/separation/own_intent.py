@@ -1,4 +1,4 @@
-"""The intent of the own vehicle, from what its autopilot says and what was ordered (ASTM F3548).
+"""The intent of the own vehicle, from its autopilot's reports and its orders (ASTM F3548).
 
     commander, mode                        legs                                          right of way
     on the ground, or not armed            none: it is no traffic                        -
@@ -9,10 +9,10 @@
     a mission, its target reported         that place                                    by name with leave, else cannot
     RTL                                    up, home, down                                by name with leave, else cannot
     LAND, a take-off                       down, up                                      landing with leave, else cannot
-    its pilot, anything else               its motion, and what it reaches               cannot
+    its pilot, anything else               its motion, and the places it reaches         cannot
 
-A vehicle that may not be commanded now (control, link, mode, its pilot), or whose platform may not give way, cannot; one whose
-battery is low goes before all that can, also on a manoeuvre. Federation time, WGS-84, metres above mean sea level.
+A vehicle that may not be commanded now (control, link, mode, its pilot), or whose platform may not give way, cannot; a
+low battery puts it before all that can, also on a manoeuvre. Federation time, WGS-84, metres above mean sea level.
 """
 
 from collections.abc import Sequence
@@ -66,7 +66,7 @@ _BACKTRACKS, _STREAMED = "SMART_RTL", "OFFBOARD"
 _STANDS_M_S: Final = 1.0
 _CONTINUED: Final = frozenset({MissionStep.FLY_TO, MissionStep.TAKE_OFF})
 _SAME_M, _SAME_UP_M = 10.0, 5.0
-"""So near to its item the target is that a vehicle reports in a mission; else the items have changed."""
+"""Greatest distance of the reported target from its mission item; beyond, the items have changed."""
 
 
 class _Way(NamedTuple):
@@ -89,7 +89,7 @@ class OwnIntent:
     def now(self, manoeuvre: tuple[IntendedPlace, ...] | None, speed_m_s: float | None = None) -> Intent | None:
         """The intent; None: where the vehicle is is not known.
 
-        `manoeuvre`: what it flies to keep apart, None: nothing; `speed_m_s`: how fast, None: as by itself.
+        `manoeuvre`: its places, None: it flies none; `speed_m_s`: how fast, None: as by itself.
         """
         pilot, fix = self._pilot, self._pilot.fix
         if fix is None:
@@ -115,7 +115,7 @@ class OwnIntent:
         return found._replace(contingency=Contingency(0.0, own.legs[:MOST_AWAITED], own.ending))
 
     def without_others(self, fix: Fix) -> Intent:
-        """What it would fly if there were no others."""
+        """Its intent if there were no others."""
         source, legs, ending = self._way(fix)
         return self._made(fix, source, self._rank(source), legs, ending)
 
@@ -137,7 +137,7 @@ class OwnIntent:
             return self._landing(fix)
         if mode in _RETURN_MODES:
             return self._return(fix)
-        target = pilot.targets.told if pilot.targets.tells(pilot.now_us) else None
+        target = pilot.targets.reported if pilot.targets.tells(pilot.now_us) else None
         towards = None if target is None else IntendedPlace(*target[1:4])
         if mode in MISSION_MODES:
             return self._mission(fix, pilot.item, towards) or _Way(IntentSource.MISSION, (), IntentEnding.OPEN)
@@ -161,7 +161,7 @@ class OwnIntent:
         return _Way(IntentSource.HOVER, (), IntentEnding.HOVER if stands else IntentEnding.OPEN)
 
     def _ours(self, fix: Fix, commander: Commander) -> _Way | None:
-        """What this platform has it fly; None: nothing."""
+        """The way that this platform has ordered; None: there is none."""
         pilot = self._pilot
         if commander is Commander.ROUTE and pilot.plan is not None:
             legs = _route(pilot.plan, pilot.leg, fix)
@@ -188,7 +188,7 @@ class OwnIntent:
         return None
 
     def _aside(self, fix: Fix, aside: Order | InterruptedMission) -> _Way:
-        """What it did before it made room, and will do again."""
+        """The way that it interrupted to make room, and will resume."""
         if isinstance(aside, InterruptedMission):
             towards = None if aside.towards is None else IntendedPlace(*aside.towards[:3])
             return self._mission(fix, aside.item, towards) or _Way(IntentSource.MISSION)
@@ -206,7 +206,7 @@ class OwnIntent:
         return None if towards is None else _Way(IntentSource.MISSION, (towards,))
 
     def _mission_legs(self, fix: Fix, ahead: Sequence[MissionItem]) -> tuple[tuple[IntendedPlace, ...], IntentEnding]:
-        """The places of its items as far as `AHEAD_S`, and what follows the last one; up to an item that is not known."""
+        """The places of its items as far as `AHEAD_S`, up to an unknown item, and the ending after the last one."""
         legs: list[IntendedPlace] = []
         at, left_m = _place(fix), AHEAD_S * max(self._speeds.level_m_s(self._pilot.cruise), SPEED_M_S)
         ending = IntentEnding.HOVER
@@ -221,7 +221,7 @@ class OwnIntent:
         return tuple(legs[:MOST_LEGS]), ending if len(legs) <= MOST_LEGS else IntentEnding.HOVER
 
     def _item_legs(self, at: IntendedPlace, item: MissionItem) -> tuple[tuple[IntendedPlace, ...], IntentEnding]:
-        """The places of one item that begins at `at`, and what follows if it is the last one."""
+        """The places of one item that begins at `at`, and the ending if it is the last one."""
         to = at
         if item.latitude_deg is not None and item.longitude_deg is not None:
             to = to._replace(latitude_deg=item.latitude_deg, longitude_deg=item.longitude_deg)
@@ -278,7 +278,7 @@ class OwnIntent:
     def _contingency(
         self, here: IntendedPlace, source: IntentSource, legs: tuple[IntendedPlace, ...], speed_m_s: float
     ) -> Contingency | None:
-        """What its autopilot does on a lost link, from where it is by then; None: it flies its legs to their end."""
+        """Its autopilot's way on a lost link, from its place by then; None: it flies its legs to their end."""
         failsafe = self._pilot.failsafe
         if source in {IntentSource.LANDING, IntentSource.RETURN, IntentSource.GROUND}:
             return None

@@ -68,7 +68,7 @@ def failsafe_text(contingency: Contingency | None) -> str:
 
 
 def failsafe_of(text: Value) -> Contingency | None:
-    """What `failsafe_text` wrote; None: there is none, or it is something else."""
+    """The contingency in a text of `failsafe_text`; None: there is none, or the text is invalid."""
     words = text.split(" ", 2) if isinstance(text, str) else []
     if len(words) != 3:
         return None
@@ -88,7 +88,7 @@ def legs_text(legs: tuple[IntendedPlace, ...]) -> str:
 
 
 def legs_of(text: Value) -> tuple[IntendedPlace, ...] | None:
-    """What `legs_text` wrote; None: it is something else."""
+    """The legs in a text of `legs_text`; None: the text is invalid."""
     if not isinstance(text, str):
         return None
     if not text:

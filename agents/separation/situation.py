@@ -1,4 +1,4 @@
-"""What the rule of `agents.separation.logic` looks at, what it remembers, and what it decides: values, no decisions."""
+"""Inputs, state and decisions of the rule of `agents.separation.logic`, as values."""
 
 from collections.abc import Mapping
 from dataclasses import dataclass, field
@@ -12,7 +12,7 @@ from navigation.intents.path import FlatMotion, FlatPlace, Performance
 
 
 class MeetingState(Enum):
-    """What becomes of a meeting; see the module."""
+    """State of a meeting; see `agents.separation.logic`."""
 
     EXPECTED = "the other yields"
     MINE = "ours"
@@ -21,14 +21,14 @@ class MeetingState(Enum):
 
 
 class ManoeuvreState(Enum):
-    """How far our manoeuvre has come; see the module."""
+    """State of our manoeuvre; see `agents.separation.logic`."""
 
     PROPOSED = "proposed"
     FLOWN = "flown"
 
 
 class Propose(NamedTuple):
-    """Ask a unit whether the manoeuvre is free of what it flies."""
+    """Propose the manoeuvre to a unit, which agrees if its own way is free of it."""
 
     unit: str
     manoeuvre: PlannedManoeuvre
@@ -71,7 +71,7 @@ class Over(NamedTuple):
 
 
 class Waits(NamedTuple):
-    """It stands since its own way is taken by those units, and there is none round them."""
+    """The vehicle stands: those units are in its way, and there is no way round them."""
 
     units: tuple[str, ...]
 
@@ -80,13 +80,13 @@ Step: TypeAlias = Waits | Propose | LeaveTo | Fly | GoOn | Neither | Over
 
 
 class Situation(NamedTuple):
-    """What one vehicle knows at a moment.
+    """Traffic and own state of one vehicle at a moment.
 
     Attributes:
         rank: its own right of way without a manoeuvre; cannot: why it may not be commanded, empty if it may.
-        is_blind: whether its position is not known: what it flies stands.
+        is_blind: whether its position is not known: its present way stands.
         slow_m_s: a lower speed that it may be given for a while; None: none.
-        motion, legs, ending, performance: its own, and what it would fly without others.
+        motion, legs, ending, performance: its own; the way is that without others.
         neighbours: by unit; traffic: their tubes from now on.
         allowed: whether it may fly to a place, and stand there.
     """
@@ -127,15 +127,15 @@ class PairMeeting:
 
 @dataclass(slots=True)
 class Manoeuvre:
-    """What we fly, or are about to.
+    """A manoeuvre that we fly, or have proposed.
 
     Attributes:
-        units: those that it is for; awaited: those that have not answered.
+        units: the units that it avoids; awaited: those of them that have not answered.
         at: which place is flown to.
-        waits: whether it was reported that there is no way round what is in the way.
+        waits: whether it was reported that there is no way round the vehicles in its way.
         seen_us: when the position is valid at which it was planned.
         is_unseen: whether the vehicle does not show that it flies it: it is taken to fly its own way.
-        before: what is flown while this one is proposed.
+        before: the manoeuvre flown while this one is proposed.
     """
 
     planned: PlannedManoeuvre
@@ -163,5 +163,5 @@ class Manoeuvre:
 
     @property
     def places(self) -> tuple[FlatPlace, ...]:
-        """Those that are ahead."""
+        """The places that are ahead."""
         return self.planned.places[self.at :]

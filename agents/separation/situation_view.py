@@ -1,7 +1,7 @@
-"""What one platform knows of its own vehicle and of all others at a moment: the `Situation` that the rule looks at. Federation time.
+"""The `Situation` that the rule decides on: one platform's own vehicle and all others at a moment. Federation time.
 
-A vehicle whose position has not been known for a while is taken to fly on as its intent had it: those that it meets are notified
-that it does not avoid them.
+A vehicle whose position has not been known for a while is taken to fly on as its intent had it: the vehicles that it
+meets are notified that it does not avoid them.
 """
 
 from collections.abc import Iterable, Sequence
@@ -29,7 +29,7 @@ from navigation.intents.path import (
 )
 
 OLD_US: Final = 2_000_000
-"""So old a position is no longer that of the vehicle."""
+"""Age beyond which a position no longer counts as the vehicle's."""
 MOST_FLOWN_ON_S: Final = 60.0
 LEAST_STATED_M_S: Final = 2.0
 _FAR_M: Final = 5_000.0
@@ -39,12 +39,12 @@ class SituationView:
     """See the module.
 
     Args:
-        neighbourhood: what others will do, and what it says of its own vehicle.
+        neighbourhood: the intents of others, and of the own vehicle.
         logic: the rule, whose manoeuvre is flown.
         may_avoid: whether this platform may give way at all.
 
     Attributes:
-        origin: what metres count from; None: nothing was looked at yet.
+        origin: the origin of metres; None: there was no situation yet.
     """
 
     def __init__(self, pilot: Pilot, neighbourhood: Neighbourhood, logic: SeparationLogic, *, may_avoid: bool) -> None:
@@ -59,7 +59,7 @@ class SituationView:
         return fix.valid_us + OLD_US + 1 if flies and fix is not None else None
 
     def situation(self) -> Situation | None:
-        """What is known now; None: the vehicle is on the ground, or its position was never known."""
+        """The present situation; None: the vehicle is on the ground, or its position was never known."""
         pilot, around = self._pilot, self._neighbourhood
         fix, own = pilot.fix, around.own.now(None)
         if fix is None or own is None or not own.is_airborne:
@@ -89,7 +89,7 @@ class SituationView:
         return self._neighbourhood.others.near(origin, fix, speed, now.now_us, STEPS)
 
     def places(self, places: Iterable[FlatPlace]) -> tuple[IntendedPlace, ...]:
-        """Those places on the globe; none before anything was planned."""
+        """The places in degrees; empty while there is no origin."""
         origin = self.origin
         if origin is None:
             return ()
@@ -101,7 +101,7 @@ class SituationView:
         return off if self._may_avoid else "this platform has no leave to give way"
 
     def _origin_at(self, fix: Fix) -> FlatOrigin:
-        """It moves only between manoeuvres."""
+        """The origin of metres near `fix`; it moves only between manoeuvres."""
         origin = self.origin
         if origin is not None and self._logic.manoeuvre is None:
             north_m, east_m = origin.metres(fix.latitude_deg, fix.longitude_deg)

@@ -1,4 +1,5 @@
 """The KPL specification of a platform, as far as it concerns other platforms (thesis 9.3.3).
 
-Exports, imports and monitors over units become streams, subscriptions and plans. What it declares for the platform alone runs in `kpl.running`.
+Exports, imports and monitors over units become streams, subscriptions and plans. Declarations that concern the
+platform alone run in `kpl.running`.
 """

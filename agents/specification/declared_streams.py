@@ -13,7 +13,8 @@ from kpl.syntax.specification import Import
 class DeclaredStreams:
     """The streams that a specification makes, those derived on demand or recognised, those of hosts and of the vehicle.
 
-    What is exported to some only, or to none, is for these under its own label, too. What is imported, its owner has.
+    A stream exported to some units only, or to none, is for these under its own label, too. Imported streams are not
+    among them: their owners have them.
     """
 
     def __init__(
@@ -24,7 +25,7 @@ class DeclaredStreams:
 
     @classmethod
     def of(cls, ports: Ports, parts: PartRegistry) -> "DeclaredStreams":
-        """Those of a platform."""
+        """Build it from the ports and parts of a platform."""
         return cls(ports.unit, ports.network, ports.translation, parts[LabelAgreements], ports.instance())
 
     def find(self, unit: str, text: str) -> Label:

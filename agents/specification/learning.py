@@ -1,4 +1,4 @@
-"""What streams of beliefs have learnt of things of lasting interest is kept, and known again after a restart.
+"""Parameters that streams of beliefs have learnt of lasting objects are stored, and restored after a restart.
 
 Times are the node clock.
 """
@@ -19,7 +19,7 @@ class Learning(Part):
     """See the module.
 
     Args:
-        learnt: what was kept: text by stream.
+        learnt: the stored parameters: text by stream.
     """
 
     def __init__(self, ports: Ports, _parts: PartRegistry) -> None:
@@ -35,10 +35,10 @@ class Learning(Part):
             return
         is_kept = True
         try:
-            process.remember(self._learnt.get(str(label), ""), f"what {label} has learnt")
+            process.remember(self._learnt.get(str(label), ""), f"learnt parameters of {label}")
         except DyknowError as wrong:
             is_kept = False
-            self._note(f"what {label} had learnt is not taken, and nothing that it learns is kept:\n{wrong}")
+            self._note(f"the stored parameters of {label} are not taken, and new ones are not kept:\n{wrong}")
         self._streams[label] = process, is_kept
         self._due_us = self._now_us() + LOOK_US
 

@@ -38,7 +38,7 @@ LONGEST_REASON = 800
 
 
 class LinkHistory(Protocol):
-    """What a process of links knows of them."""
+    """The history of a process of links."""
 
     recent: "Iterable[LinkEvent]"
 
@@ -47,7 +47,7 @@ class LinkHistory(Protocol):
 
 
 class BeliefHistory(Protocol):
-    """What a process of beliefs knows of its instances."""
+    """The history of a process of beliefs."""
 
     recent: "Iterable[LifeEvent]"
 
@@ -55,11 +55,11 @@ class BeliefHistory(Protocol):
 
 
 ObjectHistories: TypeAlias = Callable[[str | None], Iterable[tuple[Label, ObjectEvent]]]
-"""What else happened to one object, or to all, each with the stream that it is of."""
+"""Further events of one object, or of all (None), each with the label of its stream."""
 
 
 class ObjectQueries(Part):
-    """Lists the objects of the streams that the requester may see, each with its newest state, and what happened to them."""
+    """Lists the objects of the streams that the requester may see, with their newest states, and their events."""
 
     offers = (
         Offer(
@@ -96,7 +96,7 @@ class ObjectQueries(Part):
         )
 
     def _entries(self, table: ObjectTable) -> Iterator[ObjectEntry]:
-        """The objects of one stream; of one that may be on several ways with all of these."""
+        """The objects of one stream; an object that may be on several links of the map has these as `branches`."""
         process = self._instance.network.process(table.label)
         history: LinkHistory | None = getattr(process, "linkage", None)
         for entry in _entries(table, _states(process, table)):
@@ -142,7 +142,7 @@ class ObjectQueries(Part):
                 yield from (each for each in recognised if symbol is None or symbol in _named(each))
 
     def _wanted(self, unit: str) -> Iterator[tuple[Wanted, str]]:
-        """What is looked for, and the sort of such objects."""
+        """The wanted objects that the unit may see, each with the sort of its stream."""
         network = self._instance.network
         for each in self._instance.parts.wanted:
             label = Label.parse(each.type)
@@ -158,7 +158,7 @@ class ObjectQueries(Part):
 
 
 def _lived(event: "LifeEvent") -> ObjectEvent:
-    """What happened to a believed instance, or to trust in a source."""
+    """An event of a believed instance, or of the trust in a source."""
     about = [event.what] if event.instance else []
     why = ", ".join(filter(None, (*about, event.because or f"existence {event.existence:.3f}")))
     target = (event.instance or event.what)[:LONGEST_TEXT]
@@ -180,7 +180,7 @@ def _described(wanted: Wanted) -> str:
 
 
 def _sought(wanted: Wanted, sort: str) -> ObjectEntry:
-    """What is not in any state yet, or was forgotten."""
+    """A wanted object that is in no state yet, or was forgotten."""
     attributes: dict[str, Any] = {"wanted": _described(wanted)[:LONGEST_TEXT]}
     return ObjectEntry(
         symbol=wanted.symbol, type=sort[:64], stream=wanted.type, valid_us=wanted.since_us, attributes=attributes
@@ -212,7 +212,7 @@ def _branches(one: "LinkObject") -> str:
 
 
 def _states(process: Process | None, table: ObjectTable) -> list[tuple[str, Sample]]:
-    """Of the objects of a stream; those that links make are there also while only a stream above has a subscriber."""
+    """States of a stream's objects; linked objects have states also while only a derived stream has a subscriber."""
     return process.there() if isinstance(process, LinkStream) and not process.running else table.read()
 
 

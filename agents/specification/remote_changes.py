@@ -1,6 +1,6 @@
 """The specification of a platform, shown to and changed by other members: declarations come, go, and come back.
 
-What is asked for is judged as a whole before anything changes (`kpl.running.instance`). A change comes with its text and the
+A requested change is checked as a whole before anything changes (`kpl.running.instance`). A change comes with its text and the
 chronicle files that this names; the code of units is never sent: they are named, and must be there.
 """
 
@@ -101,7 +101,7 @@ class SpecificationChanges(Part):
         self._change(act, (*self._instance.specification, *added), text, now_us)
 
     def on_load(self, act: Act, content: contents.LoadSpecification, now_us: int) -> None:
-        """`(load-specification text: ...)`: hold that in place of what is held. Node clock.
+        """`(load-specification text: ...)`: replace the whole specification by that. Node clock.
 
         Raises:
             Refused: as `_check_pace`, `_read` and `_change`.
@@ -120,7 +120,7 @@ class SpecificationChanges(Part):
         self._check_pace(act, now_us)
         held = self._instance.specification
         gone = {id(each) for name in content.names for each in _called(name, held)}
-        text = SourceText("", "what stays")
+        text = SourceText("", "the remaining specification")
         self._change(act, tuple(each for each in held if id(each) not in gone), text, now_us)
 
     def on_restore(self, act: Act, content: contents.RestoreSpecification, now_us: int) -> None:
@@ -133,7 +133,9 @@ class SpecificationChanges(Part):
         number, held = content.number, self._instance.configurations
         if number >= len(held):
             raise Refused(
-                f"there are {len(held)} configurations, counted from 0; there is none of number {number}",
+                f"configuration: expected a number from 0 to {len(held) - 1}, got {number}"
+                if held
+                else "this platform was given no specification",
                 "unknown-number",
             )
         text = SourceText("", f"configuration {number}")
@@ -143,7 +145,7 @@ class SpecificationChanges(Part):
         """`(reset stream: "speed[self]")`: forget its samples. Node clock.
 
         It is for members that may replace the declaration, which forgets as well. Streams of the vehicle, imports and
-        what is derived on demand keep theirs: other members count on them. Monitors, chronicles and units are not
+        streams derived on demand keep theirs: other members count on them. Monitors, chronicles and units are not
         affected: they take samples as they come.
 
         Raises:
@@ -174,7 +176,7 @@ class SpecificationChanges(Part):
     def _read(
         act: Act, content: contents.AddDeclarations | contents.LoadSpecification
     ) -> tuple[SourceText, Specification]:
-        """The text, as errors and the labels that it defines name it, and what it declares."""
+        """The text, with its name for errors, and its declarations; raises Refused, `text`: it is not valid."""
         text = SourceText(content.text, uncontrolled(content.file) or f"declarations of {act.sender.unit}")
         try:
             return text, read(text, tuple((each.path, each.text) for each in content.files))
@@ -203,14 +205,14 @@ class SpecificationChanges(Part):
         self._note(f"{sender} changed the specification ({act.conversation_id}): {_summary(added, removed)}")
         self._agent.answer(act, Performative.AGREE, None, now_us)
         lines = _lines(added), _lines(removed)
-        said = contents.SpecificationChanged(
+        changed = contents.SpecificationChanged(
             number=number,
             added=lines[0][:_LISTED],
             removed=lines[1][:_LISTED],
             more=sum(max(0, len(each) - _LISTED) for each in lines),
             warnings=tuple(uncontrolled(each)[:_LINE] for each in self._warnings(text, federation_us)[:4]),
         )
-        self._agent.answer(act, Performative.INFORM, said, now_us)
+        self._agent.answer(act, Performative.INFORM, changed, now_us)
 
     def _warnings(self, text: SourceText, now_us: int) -> list[str]:
         lacking = ", ".join(self._instance.lacking)
@@ -265,13 +267,13 @@ def _kind(declaration: Declaration) -> str:
 
 
 def _names(declaration: Declaration) -> list[str]:
-    """What it is called, without blanks."""
+    """The names of a declaration, without blanks."""
     names = (one[0] if type(one) is tuple else one for one in symbol_of(declaration).names)
     return ["".join(str(one).split()) for one in names]
 
 
 def _missing_from(some: Iterable[Declaration], more: Iterable[Declaration]) -> list[Declaration]:
-    """What `more` has and `some` has not."""
+    """The declarations of `more` that are not in `some`."""
     there = set(some)
     return [each for each in more if each not in there]
 

@@ -1,4 +1,4 @@
-"""What a platform's specification declares beyond its own instance: exports, imports, monitors over other units.
+"""Declarations of a specification beyond its platform's own instance: exports, imports, monitors over other units.
 
 An exported stream is a generator under the label that this platform has for the semantic label, so that a client that asks
 for it, queries it or monitors it finds it where every other stream is found. An imported stream is asked for like the
@@ -10,7 +10,7 @@ from functools import lru_cache, partial
 from typing import Any, Final
 
 from agents.calls.calls import Calls
-from agents.effects import Fed, FedTogether, HostCame, HostEvent, HostLeft, HostSaid, Specify, Tell, Waited
+from agents.effects import Fed, FedTogether, HostCame, HostEvent, HostLeft, HostMessage, Specify, Tell, Waited
 from agents.exchange.export_proxy import ExportProxy
 from agents.exchange.import_proxy import ImportProxy
 from agents.exchange.imported import ImportDemand, Imported, converting
@@ -82,14 +82,14 @@ class SpecificationPart(Part):
         emit, note: take effects, and words for users.
 
     Attributes:
-        instance: what runs; it prints back what it was given.
+        instance: the running specification, which it can print.
         desk: the operating system processes that offer to make some of it.
-        not_taken: what the operator gave last, if it was wrong: a host may yet offer what it lacks.
+        not_taken: the operator's last specification, if it was refused: a host may yet offer its missing prototypes.
     """
 
     takes = {  # noqa: RUF012  (a declaration)
         Specify: "on_specify", Fed: "on_fed", FedTogether: "on_fed_together", Waited: "on_waited",
-        HostCame: "on_host", HostSaid: "on_host", HostLeft: "on_host",
+        HostCame: "on_host", HostMessage: "on_host", HostLeft: "on_host",
     }  # fmt: skip
 
     def __init__(self, ports: Ports, parts: PartRegistry) -> None:
@@ -162,8 +162,8 @@ class SpecificationPart(Part):
         except TextError as wrong:
             self.not_taken = given
             runs, awaits = bool(self.instance.specification), _awaited(wrong)
-            said = {"file": text.file, "said": wrong.drawn(), "runs": runs, "awaits": awaits}
-            self._tell({"event": "not-specified", **said})
+            record = {"file": text.file, "said": wrong.drawn(), "runs": runs, "awaits": awaits}
+            self._tell({"event": "not-specified", **record})
             until = f" until a host offers {', '.join(awaits[:8])} (dyknow host MODULE --unit {self._unit})"
             before = "the previous one keeps running" if runs else "none runs"
             self._note(f"specification rejected{until if awaits else ''}; {before}:\n{wrong.drawn()}")
@@ -191,7 +191,7 @@ class SpecificationPart(Part):
             self._note(f"no host offers {name} yet; {', '.join(map(str, labels[:8]))} start when one does")
 
     def warn(self, text: str, now_us: int) -> list[TextError]:
-        """What a person should know of what runs; `text` is what came last of it. Federation time."""
+        """Warnings for users about the running specification; `text` is its newest source. Federation time."""
         return run_warnings(self.instance.specification, self.instance.current_symbols(), text, now_us)
 
     def _govern(self, now_us: int) -> None:
@@ -256,7 +256,7 @@ class SpecificationPart(Part):
         for effect in self.desk.flush():
             self._emit(effect)
 
-    # What `Instance` asks of the federation
+    # Services of the federation for `Instance`
 
     def define(self, label: SemanticLabel) -> Undo:
         """A semantic label of our own; raises Refused if it means something else here."""
@@ -371,7 +371,7 @@ class SpecificationPart(Part):
         self._offer(self._now_us())
 
     def _on_feature_input(self, needed: FeatureInput, wanted: bool) -> None:
-        """What a derived feature is made from is needed of another unit, or no longer."""
+        """An input of a derived feature is needed of another unit, or no longer."""
         self._need(needed.unit, (needed.label, PERIOD_US, MAX_DELAY_US), wanted)
 
     def _need(self, unit: str, need: tuple[str, int, int], wanted: bool) -> None:

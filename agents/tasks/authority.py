@@ -1,11 +1,12 @@
 """By whose word a platform acts: the delegator's signed act travels with each task, and its order of succession follows from it.
 
-The delegate keeps the act as it arrived, and whatever it requests of others for the task carries it; so do the requests of its
-successors. A receiver verifies it once: it is of the delegator, whose role allows it, and names the task, its delegate and what is
-to be done. The order of succession is one for monitors, divisions, scans and missions: the delegate, then the others by unit, or as
-a permit names them; a platform whose present life began after the delegation ranks after all that were there. One is obeyed when
-all before it are gone here, and have been for half a second. What is over is not begun again, unless its delegator permits it
-once more; a command centre ends any task at each platform, whatever platform leads it. Times are the node clock.
+The delegate keeps the act as it arrived, and its requests to others for the task carry it; so do the requests of its
+successors. A receiver verifies it once: it is of the delegator, whose role allows it, and names the task, its delegate
+and the request. The order of succession is one for monitors, divisions, scans and missions: the delegate, then the
+others by unit, or as a permit names them; a platform whose present life began after the delegation ranks after all that
+were there. One is obeyed when all before it are gone here, and have been for half a second. A task that is over is not
+begun again, unless its delegator permits it once more; a command centre ends any task at each platform, whatever
+platform leads it. Times are the node clock.
 """
 
 from collections.abc import Callable, Iterable
@@ -40,8 +41,8 @@ AHEAD_US: Final = 30_000_000
 PERMIT_US: Final = 3_600_000_000
 FLOWN_US: Final = 86_400_000_000
 KEPT_US: Final = 30 * 86_400_000_000
-"""How old the evidence of a permit, of a scan, and of what moves no vehicle may be. What is over is known until a restart;
-evidence that is older than its task can be is refused even then."""
+"""Greatest age of the evidence of a permit, of a scan, and of tasks that move no vehicle. Tasks that are over are known
+until a restart; evidence older than its task can be is refused even then."""
 PROVEN: Final = 128
 """Pieces of evidence that are not verified again."""
 OVER_OF_ONE, DELEGATORS = 256, 64
@@ -78,7 +79,7 @@ class Authority(Part):
     """See the module.
 
     Args:
-        role_of: what a unit may ask for.
+        role_of: unit -> its role.
 
     Attributes:
         on_over: called with the name of a task that is over everywhere.
@@ -102,7 +103,7 @@ class Authority(Part):
     # -- evidence ----------------------------------------------------------------------------------------------
 
     def delegated(self, act: Act, content: Content) -> TaskEvidence:
-        """What is delegated to this platform by `act`: evidence for what it asks of others.
+        """Evidence that `act` delegates a task to this platform, for its requests to others.
 
         Raises:
             Refused: `role`: it flies vehicles, and its sender is no command centre; it is too long to travel.
@@ -110,11 +111,12 @@ class Authority(Part):
         found = _evidence(act, content, act.original)
         self._check_role(found)
         if len(found.payload) > MAX_EVIDENCE:
-            raise Refused(f"the request has more than {MAX_EVIDENCE} bytes, and others must see it", "too-long")
+            size = len(found.payload)
+            raise Refused(f"request to pass on: expected at most {MAX_EVIDENCE} bytes, got {size}", "too-long")
         return found
 
     def proven(self, act: Act, task: str, kinds: tuple[type[Content], ...], now_us: int) -> TaskEvidence:
-        """What the evidence that an act carries says of a task; its sender is not looked at.
+        """The verified evidence of a task that an act carries; the act's sender is not checked.
 
         Raises:
             Refused: `unproven`: there is none, or it is not about that; `role`; `cancelled`: the task is over here.
@@ -167,7 +169,7 @@ class Authority(Part):
             raise Refused(text if found.flies else f"{found.delegator} may not delegate", "role")
 
     def is_centre(self, unit: str) -> bool:
-        """Whether it may command vehicles, and so has a greater share of what is limited."""
+        """Whether it is a command centre, which has greater quotas."""
         return self._role_of(unit) is Role.COMMAND_CENTRE
 
     def owner(self, unit: str) -> str:
@@ -243,14 +245,14 @@ class Authority(Part):
         """Whether a task of that name, by whomever it was delegated, has ended here."""
         return task in self._ended_here or any(task in of_one for of_one in self._over.values())
 
-    def permitted_anew(self, found: TaskEvidence) -> None:
-        """Its delegator has just permitted it: what went by that name before is another."""
+    def permitted_again(self, found: TaskEvidence) -> None:
+        """Forget that a task of that name is over: its delegator has permitted it once more."""
         self._ended_here.pop(found.task, None)
         self._over.get(found.delegator, {}).pop(found.task, None)
 
-    def end(self, found: TaskEvidence, now_us: int, told: Iterable[str] = ()) -> None:
+    def end(self, found: TaskEvidence, now_us: int, informed: Iterable[str] = ()) -> None:
         """A task is over, these platforms are notified; its evidence is worth nothing from now on."""
-        for unit in told:
+        for unit in informed:
             if unit != self._unit and self._directory.is_present(unit):
                 self._agent.tell(unit, TaskOver(task=found.task), now_us, evidence=found.payload)
         of_one = self._over.setdefault(found.delegator, {})

@@ -2,8 +2,8 @@
 
 After a task was delegated to one platform its vehicles may obey another one, as is due: the alarm `commander` opens with the
 first successor that is obeyed, and closes when the delegate is obeyed again, or no platform is; the delegator hears it as progress
-of its task. `refused-commander` opens with what a platform asks for and may not, and closes after a minute without another
-attempt. Of one platform there is one alarm, however much it sends. While a platform has only just appeared, another one may not
+of its task. `refused-commander` opens with a request that a platform has no right to make, and closes after a minute
+without another attempt. Of one platform there is one alarm, however much it sends. While a platform has only just appeared, another one may not
 know yet that it is no successor any longer: such attempts are shown, and are no alarm. Times are the node clock.
 """
 
@@ -43,7 +43,7 @@ _TEXT: Final = 200
 
 @dataclass(slots=True)
 class Attempts:
-    """What one platform asked for and may not: the first of it, how often, since when, and the alarm about it, if there is one."""
+    """A platform's requests without the right to them: the first, how often, since when, and their alarm, if any."""
 
     what: str
     alarm: str
@@ -60,7 +60,7 @@ class Attempts:
 
 
 class EndedByRevocation(NamedTuple):
-    """What went by the word of a member that is revoked, and the alarm about it."""
+    """Tasks ended by the revocation of the member that delegated them, and the alarm about it."""
 
     shown: ConditionEntry
     alarm: str
@@ -101,8 +101,8 @@ class CommandWatch(Part):
             yield ended.shown
 
     def _on_revoked(self, unit: str, ended: tuple[str, ...], now_us: int) -> None:
-        """What goes by the word of a member ends here, since that member is revoked."""
-        text = f"{unit} is revoked, and what goes by its word ends: {', '.join(ended)}"
+        """Report that tasks and permits of a member have ended here, since that member is revoked."""
+        text = f"{unit} is revoked, and its tasks and permits end: {', '.join(ended)}"
         self._note(text[: 2 * _TEXT])
         self._end_shown(unit, now_us)
         alarm = f"{REVOKED}/{self._unit}/{unit}/{now_us}"
@@ -124,19 +124,19 @@ class CommandWatch(Part):
         is_delegate = word is None or leader in {word.delegate, word.delegator}
         had = self._commanded
         if had is not None and (is_delegate or (had.task, had.leader) != (word and word.task, leader)):
-            self.obeys_nobody(now_us)
+            self.obeys_none(now_us)
         if is_delegate or word is None or self._commanded is not None:
             return
         text = f"the vehicle obeys {leader} in {word.task}, and {word.delegator} delegated it to {word.delegate}"
         self._note(text)
         if word.delegator != self._unit and self._directory.is_present(word.delegator):
-            told = Progress(step=f"leads: {text}"[:1000], unit=self._unit)
-            self._agent.tell(word.delegator, told, now_us, conversation=word.task)
+            progress = Progress(step=f"leads: {text}"[:1000], unit=self._unit)
+            self._agent.tell(word.delegator, progress, now_us, conversation=word.task)
         alarm = f"{COMMANDER}/{self._unit}/{leader}/{now_us}"
         self._commanded = Commanded(word.task, leader, alarm)
         self._raise(alarm, "opened", COMMANDER, leader, now_us, task=word.task, delegate=word.delegate)
 
-    def obeys_nobody(self, now_us: int) -> None:
+    def obeys_none(self, now_us: int) -> None:
         """No mission has the vehicle."""
         had, self._commanded = self._commanded, None
         if had is not None:

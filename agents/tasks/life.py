@@ -64,8 +64,8 @@ class TaskLife(Part):
     """The tasks of one platform in all their states; see the module.
 
     Args:
-        exports: what this platform exports, for whom.
-        role_of: what a unit may ask for.
+        exports: this platform's exports, with their receivers.
+        role_of: unit -> its role.
         authority: which platform may coordinate a task.
     """
 
@@ -88,23 +88,23 @@ class TaskLife(Part):
 
     # -- requested, running ------------------------------------------------------------------------------------
 
-    def check_free(self, conversation: str | None, asker: str = "") -> str:
+    def check_free(self, conversation: str | None, requester: str = "") -> str:
         """A lasting task needs a conversation of its own, in which it can be cancelled; returns it.
 
         Raises:
             ContentError: there is none.
-            Refused: it is that of another task; `too-many-tasks`: `asker` has as many here as it may.
+            Refused: it is that of another task; `too-many-tasks`: `requester` has as many here as it may.
         """
         if not conversation:
-            raise ContentError("what lasts needs a :conversation-id, in which it can be cancelled")
+            raise ContentError("a lasting task needs a :conversation-id, in which it can be cancelled")
         if conversation in self._tasks:
             raise Refused(f"conversation {conversation} is about another task; open one of your own", "other-task")
-        owner, share_of = self._agent.acts.share_of(asker).owner, self._agent.acts.share_of
+        owner, share_of = self._agent.acts.share_of(requester).owner, self._agent.acts.share_of
         of_one = [each for each in self._tasks.values() if share_of(each.initiator).owner == owner]
         parts, asked = (sum(each.is_part is kind for each in of_one) for kind in (True, False))
-        most = OF_A_CENTRE if self._role_of(asker) is Role.COMMAND_CENTRE else OF_ONE
+        most = OF_A_CENTRE if self._role_of(requester) is Role.COMMAND_CENTRE else OF_ONE
         if asked >= most or parts >= PARTS_OF_ONE:
-            text = f"{asked} tasks of {asker} run here, and {parts} parts of others: cancel some (dyknow tasks)"
+            text = f"{asked} tasks of {requester} run here, and {parts} parts of others: cancel some (dyknow tasks)"
             raise Refused(text, "too-many-tasks")
         return conversation
 
@@ -129,7 +129,7 @@ class TaskLife(Part):
     # -- coordinated -------------------------------------------------------------------------------------------
 
     def coordinate(self, led: CoordinatedTask, take_down: Callable[[int], Iterable[str]], now_us: int) -> None:
-        """This platform coordinates a task from now on."""
+        """Coordinate a task from now on."""
         self.coordinated[led.task] = led
         self.add(Task(led.task, led.delegator, "monitor-proximity", take_down, since_us=now_us))
 
@@ -150,7 +150,7 @@ class TaskLife(Part):
         except Refused as refused:
             if led is None:
                 raise
-            text = f"led by {led.leader} in generation {led.generation}: {refused.reason}"
+            text = f"coordinated by {led.leader} in generation {led.generation}: {refused.reason}"
             raise Refused(text, "led-by", leader=led.leader, generation=led.generation) from None
 
     def _check_turn(self, claim: Claim, generation: int, now_us: int) -> None:
@@ -165,12 +165,12 @@ class TaskLife(Part):
         is_there = entry is not None and entry.boot == led.leader_boot and self._is_present(led.leader)
         return led.leader == self._unit or is_there
 
-    def follow(self, act: Act, told: CoordinatedTask, plan: TaskPlan, now_us: int) -> None:
-        """Take part in a task: from now on the sender is its coordinator; `told` is the task by the evidence that it shows."""
-        led = self.coordinated.setdefault(told.task, told)
-        self.lead_by(led, told.leader, told.leader_boot, told.generation, now_us)
-        self._ended.pop(told.task, None)
-        self._ended_by_others.pop(told.task, None)
+    def follow(self, act: Act, shown: CoordinatedTask, plan: TaskPlan, now_us: int) -> None:
+        """Take part in a task: from now on the sender is its coordinator; `shown` is the task by its evidence."""
+        led = self.coordinated.setdefault(shown.task, shown)
+        self.lead_by(led, shown.leader, shown.leader_boot, shown.generation, now_us)
+        self._ended.pop(shown.task, None)
+        self._ended_by_others.pop(shown.task, None)
         if plan not in led.plans:
             led.plans = (*led.plans, plan)
         followed = led.own.get(plan.name)
@@ -179,17 +179,17 @@ class TaskLife(Part):
         led.own[plan.name] = act
 
     def lead_by(self, led: CoordinatedTask, leader: str, boot: int, generation: int, now_us: int) -> None:
-        """That platform coordinates the task from now on; if this one did, it notifies the participants."""
+        """Set the coordinator of a task; if this platform was it, notify the participants."""
         if led.leader == self._unit != leader:
-            told = HandOver(task=led.task, coordinator=leader, boot=boot, generation=generation)
+            message = HandOver(task=led.task, coordinator=leader, boot=boot, generation=generation)
             for unit in led.members.keys() | {leader}:
-                self._agent.tell(unit, told, now_us)
+                self._agent.tell(unit, message, now_us)
             self.step_down(led, leader)
         led.leader, led.leader_boot, led.generation = leader, boot, generation
         led.successor_at_us = None
 
     def step_down(self, led: CoordinatedTask, leader: str) -> None:
-        """Another coordinates the task: stay a participant. What we had asked for goes with the task."""
+        """Stay a participant of a task that another coordinates. Our earlier requests end with the task."""
         led.leader = leader
         for unit, conversations in led.members.items():
             led.former.setdefault(unit, []).extend(conversations)
@@ -198,14 +198,14 @@ class TaskLife(Part):
         self.forget(led.task)
 
     def end_by(self, led: CoordinatedTask, by: str, now_us: int) -> None:
-        """Its coordinator ended the task here: its delegator is notified; if that is not the delegate, it is listed."""
+        """Note that the coordinator `by` ended the task here: notify the delegator; list it if `by` is not the delegate."""
         if by != led.delegate:
             self._ended_by_others[led.task] = EndedTask(led.task, led.delegator, led.delegate, by, now_us)
             if len(self._ended_by_others) > LISTED:
                 del self._ended_by_others[next(iter(self._ended_by_others))]
         if led.delegator not in {"", by, self._unit} and self._is_present(led.delegator):
-            told = Progress(step=f"monitoring ended by {by}", unit=self._unit)
-            self._agent.tell(led.delegator, told, now_us, conversation=led.task)
+            message = Progress(step=f"monitoring ended by {by}", unit=self._unit)
+            self._agent.tell(led.delegator, message, now_us, conversation=led.task)
 
     def leave(self, task: str, name: str) -> CoordinatedTask | None:
         """The coordinator needs monitor `name` no more; returns the task if that was the last."""
@@ -248,7 +248,7 @@ class TaskLife(Part):
         task = self._tasks.pop(conversation, None)
         if task is None:
             return () if conversation in self._ended else None
-        self.bury(conversation, task.initiator)
+        self.set_tombstone(conversation, task.initiator)
         return tuple(task.take_down(now_us))
 
     def end_parts(self, now_us: int) -> None:
@@ -283,22 +283,22 @@ class TaskLife(Part):
         if own:
             return own
         if not fitting:
-            raise Refused(f"{what} was not asked for here", "unknown-task")
+            raise Refused(f"{what} is no task here; dyknow tasks lists them", "unknown-task")
         of_people = [task for task in fitting if not task.is_part]
         if of_people and self._role_of(unit) is Role.COMMAND_CENTRE:
             return of_people
         initiators = ", ".join(sorted({task.initiator for task in fitting}))
         remedy = "they, or a command centre, may end it" if of_people else "cancel the task that it is part of"
-        raise Refused(f"{what} was asked for by {initiators}: {remedy}", "role")
+        raise Refused(f"{what} was requested by {initiators}: {remedy}", "role")
 
     def end(self, task: Task, by: str, now_us: int) -> None:
         """Cancel a task on behalf of `by`, which does so in another conversation; its initiator is notified."""
         self._agent.end(task.conversation, task.initiator, f"cancelled by {by}", now_us)
         for name in self.cancel(task.conversation, now_us) or ():
-            self.bury(name, by)
+            self.set_tombstone(name, by)
 
-    def bury(self, name: str, by: str) -> None:
-        """Put up a tombstone: what went by `name` ended on behalf of `by`, and no other sets it up again."""
+    def set_tombstone(self, name: str, by: str) -> None:
+        """Set a tombstone: task `name` ended on behalf of `by`, and no other platform sets it up again."""
         self._ended[name] = by
         if len(self._ended) > TOMBSTONES:
             del self._ended[next(iter(self._ended))]
@@ -316,22 +316,20 @@ class TaskLife(Part):
             return True
         if task is not None and task.initiator != unit:
             if self._role_of(unit) is not Role.COMMAND_CENTRE:
-                raise Refused(
-                    f"only {task.initiator}, who asked for it, or a command centre may end {conversation}", "role"
-                )
+                raise Refused(f"only its requester {task.initiator} or a command centre may end {conversation}", "role")
             self._agent.end(conversation, task.initiator, f"cancelled by {unit}", now_us)
         led = self.coordinated.get(conversation)
         if led is not None and led.leader != self._unit:
-            text = f"the task is led by {led.leader} now: cancel it there"
+            text = f"the task is coordinated by {led.leader} now: cancel it there"
             raise Refused(text, "led-by", leader=led.leader, generation=led.generation)
         ended = self.cancel(conversation, now_us)
         if not is_given_up(act):
             for name in ended or ():
-                self.bury(name, unit)
+                self.set_tombstone(name, unit)
         return ended is not None
 
     def on_tasks(self, act: Act, _content: Tasks, now_us: int) -> None:
-        """`(tasks)`: what users delegated, not the parts of it; and what others ended here of late."""
+        """`(tasks)`: the tasks that users delegated, without their parts; and tasks that others ended here of late."""
         entries = [self._entry(task) for task in self._tasks.values() if not task.is_part]
         entries += [
             TaskEntry(
@@ -381,7 +379,7 @@ class TaskLife(Part):
         return True
 
     def _on_forgotten(self, task: Task, now_us: int) -> None:
-        """Its requester had lost sight of this platform, and is back: it asks once more for what it still wants."""
+        """Await the requester of a part, which had lost this platform and is back, to repeat its request."""
         if task.is_part:
             self._until_us.pop(task.conversation, None)
             self._due.set(task.conversation, now_us + ABANDONED_US)

@@ -40,9 +40,9 @@ MEMBERSHIP: Final = tuple(
 )
 RESET: Final = Action(contents.Reset, "on_reset", role=Role.COMMAND_CENTRE, typed=True)
 LATER: Final = frozenset({MONITOR_PROXIMITY.head, CREATE_MONITOR.head, CREATE_MULTICAST.head})
-"""What a platform does when a condition becomes true, as it can be cancelled; orders to aircraft are given in person."""
+"""Requests that a platform carries out when a condition becomes true; orders to aircraft are given in person."""
 DEFAULT_TASK: Final = ("proximity", "proximity-warn")
-"""What `monitor-proximity` monitors unless a profile is named: the violation, and what starts avoidance."""
+"""Profiles of `monitor-proximity` unless one is named: the violation, and the warning that starts avoidance."""
 TYPED: Final = (
     MONITOR_PROXIMITY,
     CREATE_MONITOR,

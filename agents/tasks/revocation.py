@@ -1,7 +1,7 @@
 """Revocation of a member ends the tasks that it delegated, and those that others lead by its permits or evidence.
 
 Evidence of its acts is refused from then on, though it was verified before. Each platform reads the roster itself, and ends
-its own part of those tasks. What another has delegated to a platform that is revoked passes to the next in succession. Times are the node clock.
+its own part of those tasks. A task that another has delegated to a revoked platform passes to the next in succession. Times are the node clock.
 """
 
 from collections.abc import Callable

@@ -1,4 +1,4 @@
-"""What one platform knows of a task that lasts, and of one over many platforms. Times are the node clock."""
+"""State of a lasting task at one platform, and of a task over many platforms. Times are the node clock."""
 
 from collections.abc import Callable, Iterable
 from dataclasses import dataclass, field
@@ -11,7 +11,7 @@ from federation.messages.contents import MonitorProximity
 
 
 class TaskPlan(Protocol):
-    """What a coordinated task knows of a monitor: its name, and the streams it needs of each platform."""
+    """A monitor of a coordinated task: its name, and the streams it needs of each platform."""
 
     @property
     def name(self) -> str: ...
@@ -34,7 +34,7 @@ class Task:
         initiator: the unit that requested it.
         name: the head of the request, e.g. `monitor-proximity`.
         take_down: undoes all that the task set up, at a time; returns the coordinated tasks that ended with it.
-        state: what a user sees.
+        state: its state as shown to users.
         is_part: whether it belongs to a larger task, which users see and cancel.
         contracts: the streams it has this platform export: semantic labels by contract.
         monitor: the name of the monitor it has this platform keep.
@@ -57,7 +57,7 @@ class CoordinatedTask:
 
     Attributes:
         evidence: the act that delegated it. Its conversation is the name of the task everywhere.
-        plans: what is monitored.
+        plans: its monitors.
         leader: the coordinator; leader_boot: which life of it, since one that was restarted knows nothing of the task.
         generation: how often the coordination has passed to a successor, counted from 1.
         members: the requests to each platform, as (unit, conversations); kept by the coordinator.

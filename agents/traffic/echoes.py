@@ -1,8 +1,8 @@
 """Which of the aircraft that are heard are vehicles of the federation, heard by their own ADS-B or Remote ID.
 
-Whatever an aircraft broadcasts of its identity may be false, so that only how it moves decides: it is at the place of a member, as fast,
-in five reports, while that member has flown a way. Where Remote ID names the member, one such report is enough. What later is elsewhere
-is another aircraft again. Two that hover next to each other are two.
+A broadcast identity may be false, so that only the motion of an aircraft decides: it is at the place of a member, as
+fast, in five reports, while that member has flown a way. Where Remote ID names the member, one such report is enough. An
+aircraft that is elsewhere later is another one again. Two that hover next to each other are two.
 """
 
 import math

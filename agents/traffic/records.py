@@ -29,9 +29,9 @@ def ended_value(identity: str) -> Value:
 
 
 def heard_of(sample: Sample, source: str = "") -> HeardAircraft | None:
-    """What a sample of `traffic` says of an aircraft, at the time when it was heard; None: nothing.
+    """The aircraft in a sample of `traffic`, at the time when it was heard; None: the sample has none.
 
-    `source` names what made it where the sample does not.
+    `source` names the producer where the sample does not.
     """
     if sample.value is NO_VALUE or not isinstance(sample.value, tuple) or len(sample.value) != 15:
         return None

@@ -1,4 +1,4 @@
-"""Traffic that is no member, as a part: what the vehicle's receivers, streams of hosts and other platforms hear is one picture.
+"""Traffic that is no member, as a part: one picture from the vehicle's receivers, streams of hosts and other platforms.
 
 Own hearing is the stream `traffic` of the platform, on a grid; a local stream with the feature `traffic` and another object, as
 `traffic[radar]`, feeds it. Other platforms' streams of that label are imported: an aircraft is warned of where it is not heard. An alarm
@@ -78,7 +78,7 @@ class Traffic(Part):
         return tuple(one for one in self.picture.at(at_us) if one.identity not in self.echoes)
 
     def labels(self) -> Iterable[LabelEntry]:
-        """What this platform hears itself, from the first aircraft on."""
+        """The label of this platform's own hearing, from the first aircraft on."""
         if self._network.has(self._label):
             yield self._translation.ontology.entry(TRAFFIC, PERIOD_US)
 
@@ -156,7 +156,7 @@ class Traffic(Part):
                 self._want(unit, now_us)
 
     def _want(self, unit: str, now_us: int) -> None:
-        """Its traffic while it offers it, and where it is while there is traffic."""
+        """Import a platform's traffic while it offers it, and its motion while there is traffic."""
         names = [TRAFFIC] if unit in self._offering else []
         names += [name for name in MOTION if len(self.picture) and self._offers(unit, name)]
         self._partners.want(unit, dict.fromkeys(names, IMPORTED_US), now_us)
@@ -212,7 +212,7 @@ class Traffic(Part):
         self.echoes = found
 
     def _push(self, valid_us: int, federation_us: int, now_us: int) -> None:
-        """What this platform hears itself, as a stream; it is there from the first aircraft on."""
+        """Put out this platform's own hearing, as a stream, from the first aircraft on."""
         own = {one.identity: one for one in self.aircraft(valid_us) if self._unit in one.by}
         if own and not self._network.has(self._label):
             self._network.add_source(self._label, self._translation.local_sort(TRAFFIC))
@@ -247,8 +247,8 @@ class Traffic(Part):
             return
         new = self.picture.counts - self._left_out
         self._left_out = Counter(self.picture.counts)
-        said = ", ".join(f"{times} {reason}" for reason, times in sorted(new.items()))
-        text = f"traffic: left out: {said}" if said else ""
+        counts = ", ".join(f"{times} {reason}" for reason, times in sorted(new.items()))
+        text = f"traffic: left out: {counts}" if counts else ""
         if text or self._shown:
             if text and not self._shown:
                 self._note(text)

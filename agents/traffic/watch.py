@@ -1,7 +1,7 @@
 """Monitors over the own vehicle and each aircraft that is no member: the profile `traffic-well-clear`, one state for both at a time.
 
-An altitude that is known within some metres only is taken as near our own as that allows, and one that is not known as our own. One
-whose velocity is not known is taken to stay where it is.
+An altitude that is known within some metres only is taken as near our own as that allows, and an unknown one as our own.
+An aircraft of unknown velocity is taken to stay where it is.
 """
 
 from collections.abc import Callable, Iterable
@@ -31,7 +31,7 @@ class AircraftWatch:
         self._unit, self._profile, self._on_alarm = unit, profile, on_alarm
         split = split_growing(profile_formula(profile, unit))
         if split is None or split[1].base != AIRCRAFT:
-            raise UnitError(f"{profile.name}: its formula is always forall other in {AIRCRAFT} growing: ...")
+            raise UnitError(f"{profile.name}: expected a formula always forall other in {AIRCRAFT} growing: ...")
         self._variable, _, self._body = split
         self._watched: dict[str, tuple[Monitor, Derivation]] = {}
 
@@ -56,13 +56,13 @@ class AircraftWatch:
                 self._on_alarm(event)
 
     def end(self, name: str, now_us: int) -> None:
-        """An aircraft is no longer heard, or is none: its alarm ends, and what it does is unknown."""
+        """End the watch of an aircraft that is no longer heard, or is none: its alarm ends."""
         found = self._watched.pop(name, None)
         for event in found[0].end(now_us) if found else ():
             self._on_alarm(event)
 
     def end_all(self, now_us: int) -> None:
-        """Nothing is watched from now on."""
+        """End the watches of all aircraft."""
         for name in list(self._watched):
             self.end(name, now_us)
 

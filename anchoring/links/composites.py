@@ -67,7 +67,7 @@ def check_ends(specifications: Iterable[LinkSpecification | CompositeSpecificati
             raise ValueError(f"{each.name}: composites are made of their parts, and no link leads to them")
 
 
-class CompositeSurroundings(Protocol):
+class CompositePorts(Protocol):
     """The interface from composites to the structures they belong to."""
 
     context: ConditionContext
@@ -92,14 +92,14 @@ class CompositeObjects:
         ValueError: `together` implies no distance, so that every two objects would have to be looked at.
     """
 
-    def __init__(self, specification: CompositeSpecification, around: CompositeSurroundings) -> None:
-        self.made, self.name, self._around = specification, specification.name, around
+    def __init__(self, specification: CompositeSpecification, ports: CompositePorts) -> None:
+        self.made, self.name, self._ports = specification, specification.name, ports
         self.specification = LinkSpecification(
             specification.source, specification.target, specification.together, specification.stays
         )
         both = replace(self.specification, target=specification.source, streams=specification.streams)
         self._together, self._stays = (
-            PairCondition(each, both, context=around.context) for each in (specification.together, specification.stays)
+            PairCondition(each, both, context=ports.context) for each in (specification.together, specification.stays)
         )
         gate = self._together.gate
         if gate is None:
@@ -180,16 +180,16 @@ class CompositeObjects:
         gone = LinkReason("maintain", self._stays.formula)
         for one in [one for symbol, one in composites.items() if symbol not in chosen.values()]:
             reason = next((failed[name] for name in one.incoming if name in failed), gone)
-            self._around.discard(valid_us, one, reason)
+            self._ports.discard(valid_us, one, reason)
         for at, group in enumerate(groups):
             state = _mean(valid_us, [parts[name] for name in sorted(group, key=natural)])
-            one = composites[chosen[at]] if at in chosen else self._around.create(valid_us, self.made.target, state)
+            one = composites[chosen[at]] if at in chosen else self._ports.create(valid_us, self.made.target, state)
             kind: EventKind = "reestablished" if at in chosen else "established"
             for name in [name for name in one.incoming if name not in group]:
-                self._around.on_event(valid_us, "unlinked", one.incoming.pop(name), failed.get(name, gone))
+                self._ports.on_event(valid_us, "unlinked", one.incoming.pop(name), failed.get(name, gone))
             for name in sorted(group - one.incoming.keys(), key=natural):
                 link = one.incoming[name] = ObjectLink(self, parts[name], one, valid_us)
-                self._around.on_event(valid_us, kind, link, self._reason(name))
+                self._ports.on_event(valid_us, kind, link, self._reason(name))
             self._update(valid_us, one, state)
 
     def _update(self, valid_us: int, one: LinkObject, state: ObjectState) -> None:
@@ -223,7 +223,7 @@ class CompositeObjects:
         """A part belongs to a composite no longer."""
         incoming = link.target.incoming
         link.target.incoming = {name: each for name, each in incoming.items() if each is not link}
-        self._around.on_event(valid_us, "unlinked", link, reason)
+        self._ports.on_event(valid_us, "unlinked", link, reason)
 
     def _groups(self) -> list[set[str]]:
         """Parts that are connected by belonging together."""

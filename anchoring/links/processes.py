@@ -20,8 +20,8 @@ from anchoring.links.deciding.candidates import (
 )
 from anchoring.links.deciding.conditions import Ends, PairCondition
 from anchoring.links.deciding.nearness import NearObjects
+from anchoring.links.deciding.ports import LinkPorts
 from anchoring.links.deciding.reach import Reach
-from anchoring.links.deciding.surroundings import LinkSurroundings
 from anchoring.links.deciding.trials import LinkTrials
 from anchoring.links.deciding.waiting import ReestablishPair, Unlinked
 from anchoring.links.objects import EventKind, LastSeen, LinkObject, LinkReason, ObjectLink
@@ -42,10 +42,10 @@ class LinkProcess:
         evaluations: how many progressions were made or continued at the latest tick.
     """
 
-    def __init__(self, specification: LinkSpecification, surroundings: LinkSurroundings) -> None:
+    def __init__(self, specification: LinkSpecification, ports: LinkPorts) -> None:
         self.specification = specification
         self.name = specification.name
-        context, self._reach = surroundings.context, Reach(specification)
+        context, self._reach = ports.context, Reach(specification)
         self._establish = PairCondition(specification.establish, specification, context=context)
         self._reestablish = PairCondition(
             specification.reestablish, specification, context=context, thresh=self._reach.thresh
@@ -53,7 +53,7 @@ class LinkProcess:
         self._maintain = PairCondition(
             specification.maintain, specification, context=context, thresh=self._reach.thresh
         )
-        self._around = surroundings
+        self._ports = ports
         self.unlinked: dict[str, Unlinked] = {}
         self.available: dict[str, tuple[LinkObject, int]] = {}
         self.candidates: dict[str, LinkCandidates] = {}
@@ -87,7 +87,7 @@ class LinkProcess:
         del link.source.outgoing[self.name]
         del link.target.incoming[self.name]
         self.on_target(link.target, max(valid_us, link.since_us + 1))
-        self._around.on_unlinked(valid_us, link, reason)
+        self._ports.on_unlinked(valid_us, link, reason)
 
     def may_rename(self, one: LinkObject, named: Collection[str]) -> bool:
         """Whether an object of A could be one that is wanted: not excluded, and not linked to one that was wanted."""
@@ -233,7 +233,7 @@ class LinkProcess:
             return None
         if target.prediction is None:
             return self.specification.later(target.state, valid_us)
-        return self._around.expected(target, valid_us).nearest(state)
+        return self._ports.expected(target, valid_us).nearest(state)
 
     def _decide(self, valid_us: int, unlinked: list[tuple[LinkObject, Unlinked]]) -> None:
         """Progress the conditions of all unlinked objects, then link those for which one became true."""
@@ -280,7 +280,7 @@ class LinkProcess:
         for one, establish in new:
             if one.symbol not in chosen:
                 reason = LinkReason("establish", self._establish.formula, establish.explain())
-                created = self._around.create(valid_us, self.specification.target, self._first(one))
+                created = self._ports.create(valid_us, self.specification.target, self._first(one))
                 created.seen_us = valid_us - one.created_us
                 self._link(valid_us, "established", one, created, reason)
 
@@ -329,7 +329,7 @@ class LinkProcess:
         available = (symbol for symbol, (_, since_us) in self.available.items() if since_us <= valid_us)
         for symbol in sorted((*available, *open_links), key=natural):
             one = open_links[symbol].expected if symbol in open_links else self.available[symbol][0]
-            yield symbol, self._around.expected(one, valid_us)
+            yield symbol, self._ports.expected(one, valid_us)
 
     def _progressed(
         self,
@@ -368,7 +368,7 @@ class LinkProcess:
 
     def anchor(self, valid_us: int, source: LinkObject, symbol: str, reason: LinkReason) -> None:
         """Link an unlinked object of A to a wanted object of B, which it is found to be."""
-        created = self._around.create(valid_us, self.specification.target, self._first(source), symbol)
+        created = self._ports.create(valid_us, self.specification.target, self._first(source), symbol)
         self._link(valid_us, "reestablished", source, created, reason)
 
     def _link(
@@ -393,7 +393,7 @@ class LinkProcess:
         source.outgoing[self.name] = target.incoming[self.name] = link
         self.drop_source(source.symbol)
         self.available.pop(target.symbol, None)
-        self._around.on_linked(valid_us, kind, link, reason, weight)
+        self._ports.on_linked(valid_us, kind, link, reason, weight)
         if self._maintain.is_trivial:
             return link
         link.maintain = self._maintain.start()

@@ -16,7 +16,7 @@ from bench.formulas.progressions import (
     Step,
     average_ns,
     each_ns,
-    from_letters,
+    from_assignments,
     one_by_one,
     unseen_us,
 )
@@ -64,7 +64,7 @@ def sides(options: Options) -> Iterator[dict[str, Side]]:
         "object": partial(_averages, lambda one: one_by_one(one, one.worst, 1), 20 * states),
         **made,
         "deadlines": partial(_averages, lambda one: one_by_one(one, one.worst, 1, "deadlines"), states),
-        "object, letters": partial(_averages, lambda one: from_letters(one, one.worst), states, None),
+        "object, letters": partial(_averages, lambda one: from_assignments(one, one.worst), states, None),
         "unseen residual": _unseen,
         "verdict late": _lateness,
         "figures": partial(_figures, COUNTS[: options.size(len(COUNTS), 2)], options.size(THOUSAND, 20)),

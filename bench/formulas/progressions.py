@@ -97,18 +97,18 @@ def one_by_one(experiment: Experiment, sequence: States, count: int, way: Any = 
     return step
 
 
-def from_letters(experiment: Experiment, sequence: States) -> Step:
-    """One formula on its automaton, from letters that are ready: a whole cycle of the sequence a step."""
-    shared = Automaton(take_apart(experiment.formula, {}).shape, PERIOD_US)
-    letters = [1 if speed <= 30 else 0 for speed in sequence.cycle]
+def from_assignments(experiment: Experiment, sequence: States) -> Step:
+    """One formula on its automaton, from truth assignments that are ready: a whole cycle of the sequence a step."""
+    shared = Automaton(take_apart(experiment.formula, {}).skeleton, PERIOD_US)
+    assignments = [1 if speed <= 30 else 0 for speed in sequence.cycle]
     state = shared.beginning
 
     def step(_number: int) -> None:
         nonlocal state
         now = state
-        for letter in letters:
-            after = now.after.get(letter)
-            now = shared.step(now, letter) if after is None else after
+        for assignment in assignments:
+            after = now.after.get(assignment)
+            now = shared.step(now, assignment) if after is None else after
         state = now
 
     return step
@@ -116,15 +116,15 @@ def from_letters(experiment: Experiment, sequence: States) -> Step:
 
 def unseen_us(experiment: Experiment, sequence: States) -> float:
     """What a transition costs that nobody has met."""
-    shared = Automaton(take_apart(experiment.formula, {}).shape, PERIOD_US)
+    shared = Automaton(take_apart(experiment.formula, {}).skeleton, PERIOD_US)
     state, found = shared.beginning, []
     for speed in sequence.speeds(3 * len(sequence.cycle)):
-        letter = 1 if speed <= 30 else 0
-        if letter in state.after:
-            state = state.after[letter]
+        assignment = 1 if speed <= 30 else 0
+        if assignment in state.after:
+            state = state.after[assignment]
             continue
         began_ns = process_time_ns()
-        state = shared.step(state, letter)
+        state = shared.step(state, assignment)
         found.append(process_time_ns() - began_ns)
     return sum(found) / len(found) / 1000
 

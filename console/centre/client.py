@@ -5,7 +5,7 @@ from collections.abc import Iterator
 from contextlib import contextmanager
 
 from console.command import Call
-from runtime.client import Client, Surroundings, command_centre, surroundings
+from runtime.client import Client, ClientPorts, client_ports, command_centre
 from runtime.configuration.reach import client_wire, speaks_as
 
 
@@ -28,11 +28,11 @@ def client_of(call: Call) -> Client:
     """The same, which says nothing on its own; raises what `connected` does."""
     settings = call.settings
     centre = command_centre(settings, speaks_as(settings).named(os.getpid()))
-    return Client(_surroundings(call), centre, settings.federation, settings.extensions, settings.ontology)
+    return Client(_client_ports(call), centre, settings.federation, settings.extensions, settings.ontology)
 
 
-def _surroundings(call: Call) -> Surroundings:
-    return surroundings(client_wire(call.settings, speaks_as(call.settings).unit))
+def _client_ports(call: Call) -> ClientPorts:
+    return client_ports(client_wire(call.settings, speaks_as(call.settings).unit))
 
 
 def note_unreached(call: Call, client: Client) -> None:

@@ -18,7 +18,7 @@ from federation.messages.contents import (
     AlarmList,
     Alarms,
     Content,
-    ImportAccount,
+    ImportCounts,
     ImportList,
     MonitorEntry,
     MonitorList,
@@ -148,9 +148,9 @@ class Gatherer:
         self,
         there: Sequence[PlatformView],
         newest: Mapping[tuple[str, str], object],
-        imports: Iterable[tuple[str, ImportAccount]],
+        imports: Iterable[tuple[str, ImportCounts]],
     ) -> list[Row]:
-        by_stream: dict[tuple[str, str], list[tuple[str, ImportAccount]]] = {}
+        by_stream: dict[tuple[str, str], list[tuple[str, ImportCounts]]] = {}
         for receiver, one in imports:
             by_stream.setdefault((one.owner, one.semantic_label), []).append((receiver, one))
         rows = []
@@ -185,7 +185,7 @@ class Gatherer:
                 rows.append(Row(f"{view.unit} {entry.label}", cells, order, "\n".join(details), level))
         return rows
 
-    def _rate_hz(self, receiver: str, one: ImportAccount) -> float | None:
+    def _rate_hz(self, receiver: str, one: ImportCounts) -> float | None:
         """Samples a second since the look before, by the receiver's own count."""
         name = receiver, one.owner, one.semantic_label, one.hash
         now_us = self._client.now_us()
@@ -268,7 +268,7 @@ def _parsed(log: ActLog) -> Act | None:
         return None
 
 
-def _taken(receiver: str, one: ImportAccount) -> str:
+def _taken(receiver: str, one: ImportCounts) -> str:
     every = "" if one.every == 1 else f", one of {one.every} is sent"
     return f"  to {receiver}: {one.received} received, {one.recovered} recovered, {one.missing} missing, {one.lost} lost{every}"
 

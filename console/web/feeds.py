@@ -127,14 +127,14 @@ class RecordingViewer:
         self._at_us = min(max((first_us if self._at_us is None else self._at_us) + passed_us, first_us), last_us)
         return self._at_us
 
-    def steer(self, wish: Mapping[str, Any]) -> None:
+    def steer(self, action: Mapping[str, Any]) -> None:
         """Take the viewer's controls: `at_us`, `speed`, `play`."""
         self._now_us()
-        speed, at_us = number(wish.get("speed")), instant(wish.get("at_us"))
+        speed, at_us = number(action.get("speed")), instant(action.get("at_us"))
         if speed is not None and SLOWEST <= speed <= FASTEST:
             self._speed = speed
-        if isinstance(wish.get("play"), bool):
-            self._is_playing = wish["play"]
+        if isinstance(action.get("play"), bool):
+            self._is_playing = action["play"]
         if at_us is not None:
             self._at_us = at_us
             self._run += 1

@@ -7,8 +7,8 @@ from contextlib import AbstractContextManager
 from queue import SimpleQueue
 from typing import TYPE_CHECKING, Any, TypeAlias
 
+from console.web.actions import Done, PageAction
 from console.web.views import LiveFeed
-from console.web.wishes import Done, Wish
 from dyknow.model.errors import DyknowError, SessionFailed
 
 if TYPE_CHECKING:
@@ -43,7 +43,7 @@ class PageMember:
     ) -> None:
         self._connect, self._feed, self._labels, self._every_us = connect, feed, labels, every_us
         self._origin, self._tasks = origin, tasks
-        self._wishes: SimpleQueue[Wish] = SimpleQueue()
+        self._actions: SimpleQueue[PageAction] = SimpleQueue()
         self._over = threading.Event()
         self._thread = threading.Thread(target=self._run, name="web", daemon=True)
         self.failure: DyknowError | None = None
@@ -59,7 +59,7 @@ class PageMember:
         if self._over.is_set():
             done.set_exception(SessionFailed("the page is being closed."))
         else:
-            self._wishes.put(Wish(given, done))
+            self._actions.put(PageAction(given, done))
         return done
 
     def close(self) -> None:
@@ -76,7 +76,7 @@ class PageMember:
             with self._connect() as client:
                 more = {"unit": client.centre.unit, "tasks": self._tasks()}
                 self._feed.begin(Picture(self._origin), more)
-                feed_from(client, self._feed, self._wishes, self._over, self._labels, self._every_us)
+                feed_from(client, self._feed, self._actions, self._over, self._labels, self._every_us)
         except DyknowError as error:
             self.failure = error
             self._over.set()

@@ -7,9 +7,9 @@ from threading import Event
 from typing import Final
 
 from console.web.acting import job_of
+from console.web.actions import Done, PageAction
 from console.web.picture import MAP_LABELS
 from console.web.views import LOOKING, LiveFeed
-from console.web.wishes import Done, Wish
 from dyknow.model.errors import DyknowError
 from runtime.client import Client, Job, Wait
 from runtime.recorder.recorder import Recorder
@@ -36,7 +36,7 @@ class _UnderWay:
 def feed_from(
     client: Client,
     feed: LiveFeed,
-    wishes: "SimpleQueue[Wish]",
+    actions: "SimpleQueue[PageAction]",
     over: Event,
     labels: tuple[str, ...],
     every_us: int | None,
@@ -44,7 +44,7 @@ def feed_from(
     """Step a recorder for the page until `over` is set; users' actions are carried out in between."""
     client.on_trouble = lambda _unit, _why: None
     recorder = Recorder(client, feed, (*MAP_LABELS, *labels), every_us, list_us=LIST_US, is_watched=True)
-    under_way = _Wishes(client, wishes)
+    under_way = _Actions(client, actions)
     while not over.is_set():
         try:
             recorder.list_us = max(LIST_US, LIST_US_A_PLATFORM * len(recorder.units))
@@ -58,21 +58,21 @@ def feed_from(
     recorder.close()
 
 
-class _Wishes:
+class _Actions:
     """The users' actions, step by step among samples and alarms."""
 
-    def __init__(self, client: Client, wishes: "SimpleQueue[Wish]") -> None:
-        self._client, self._wishes = client, wishes
+    def __init__(self, client: Client, actions: "SimpleQueue[PageAction]") -> None:
+        self._client, self._actions = client, actions
         self._under_way: list[_UnderWay] = []
 
     def step(self) -> None:
         """Begin what was asked for, and continue what waits for answers."""
-        while not self._wishes.empty():
-            wish = self._wishes.get_nowait()
+        while not self._actions.empty():
+            action = self._actions.get_nowait()
             try:
-                self._under_way.append(_UnderWay(job_of(self._client, wish.given), wish.done))
+                self._under_way.append(_UnderWay(job_of(self._client, action.given), action.done))
             except DyknowError as error:
-                wish.done.set_exception(error)
+                action.done.set_exception(error)
         self._under_way = [one for one in self._under_way if self._continues(one)]
 
     def _continues(self, one: _UnderWay) -> bool:

@@ -35,7 +35,7 @@ MOST_OTHERS_OF: Final = 8
 HISTORY: Final = 64
 """Most kept changes of a monitor's state."""
 _SLOW_M_S: Final = 0.5
-_TOLD: Final = ("", "info", "info", "warning", "bad", "bad")
+_KINDS: Final = ("", "info", "info", "warning", "bad", "bad")
 _OBJECTS: Final = frozenset({"believed-objects", "object-tracks", "global-objects", "traffic", "vision-percepts"})
 _SALIENT: Final = frozenset({"saliency-map", "camera-attention"})
 MAP_LABELS: Final = (
@@ -399,7 +399,7 @@ class Picture:
 
     def _on_log(self, at_us: int, message: Mapping[str, Any]) -> None:
         level = message.get("level")
-        kind = _TOLD[level] if isinstance(level, int) and 0 < level < len(_TOLD) else "info"
+        kind = _KINDS[level] if isinstance(level, int) and 0 < level < len(_KINDS) else "info"
         self._append("events", {"at_us": at_us, "level": kind, "text": text(message.get("message", ""), 400)})
 
     def _on_lost(self, message: Mapping[str, Any]) -> None:

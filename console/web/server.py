@@ -24,7 +24,7 @@ TICK_S: Final = 0.1
 """How often a page gets what has changed."""
 ABOUT_S: Final = 0.2
 MOST_PAGES: Final = 16
-LONGEST_WISH: Final = 1000
+LONGEST_ACTION: Final = 1000
 HEADERS: Final[Mapping[str, str]] = {
     "Content-Security-Policy": (
         "default-src 'none'; script-src 'self'; style-src 'self'; img-src 'self'; connect-src 'self'; "
@@ -204,9 +204,9 @@ async def _steer(socket: WebSocket, viewer: Viewer) -> None:
     """Take what the page wishes, until it closes or sends something else."""
     try:
         while True:
-            wish = json.loads((await socket.receive_text())[:LONGEST_WISH])
-            if isinstance(wish, dict):
-                viewer.steer(wish)
+            action = json.loads((await socket.receive_text())[:LONGEST_ACTION])
+            if isinstance(action, dict):
+                viewer.steer(action)
     except (WebSocketDisconnect, RuntimeError, ValueError, KeyError, RecursionError):
         return
 

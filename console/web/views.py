@@ -31,7 +31,7 @@ class Viewer(Protocol):
 
     def look(self) -> PageView: ...
     def past(self) -> Past: ...
-    def steer(self, wish: Mapping[str, Any]) -> None: ...
+    def steer(self, action: Mapping[str, Any]) -> None: ...
     def about(self) -> dict[str, Any]: ...
 
 
@@ -100,7 +100,7 @@ class LiveFeed:
             picture = self._picture
             return Past({}, {}) if picture is None else Past(picture.trails(), picture.curves())
 
-    def steer(self, wish: Mapping[str, Any]) -> None:
+    def steer(self, action: Mapping[str, Any]) -> None:
         """Now is now."""
 
     def about(self) -> dict[str, Any]:

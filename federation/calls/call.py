@@ -48,7 +48,7 @@ FORGIVEN_US: Final = 5_000_000
 AGAIN_US: Final = 1_000_000
 AGAIN_MOST_US: Final = 8_000_000
 """Before the next round, when no proposal is left; it doubles."""
-ASKED_MOST: Final = 64
+MOST_REQUESTED: Final = 64
 """Recipients of one round, those that offer it at the least cost first."""
 
 
@@ -174,7 +174,7 @@ class StreamCall:
         self._forgive(now_us)
         there = [each for each in self.offering() if each.unit not in self._blamed_us]
         new = [each for each in there if (each.unit, each.boot) not in self._asked]
-        new = new[: max(0, ASKED_MOST - len(self._asked))]
+        new = new[: max(0, MOST_REQUESTED - len(self._asked))]
         if not new:
             if not self._asked and not self._is_open:
                 self._wait(f"no platform offers {self.wanted.label} at a cost", now_us)

@@ -307,9 +307,9 @@ class Correspondence:
             act, signature, body = decode_act(payload)
         except DecodeError as error:
             raise Refused(f"the evidence is no act: {error.reason}", "unproven") from None
-        doubt = None if self._trust is None else self._trust.verifier.doubt(act, signature, body)
-        if doubt is not None:
-            raise Refused(f"the evidence is not of {act.sender.unit}: {doubt}", "unproven")
+        forgery = None if self._trust is None else self._trust.verifier.forgery(act, signature, body)
+        if forgery is not None:
+            raise Refused(f"the evidence is not of {act.sender.unit}: {forgery}", "unproven")
         return act
 
     def on_act(self, act: Act, now_us: int) -> None:

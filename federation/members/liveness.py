@@ -29,7 +29,7 @@ PLATFORMS = 1024
 NAMES = 64
 """Names of one member of a roster: its own, and those of its commands, `cc-1`."""
 REMEMBERED_US = 600_000_000
-TWINS = 8
+DUPLICATES = 8
 
 
 class PeerState(Enum):
@@ -155,7 +155,7 @@ class Liveness:
         self.refused = 0
         self._check_us: int | None = None
         self._linking_until_us = 0
-        self._twins: deque[int] = deque(maxlen=TWINS)
+        self._duplicates: deque[int] = deque(maxlen=DUPLICATES)
 
     @property
     def deadline_us(self) -> int | None:
@@ -214,7 +214,7 @@ class Liveness:
         if not alive:
             if peer is None or peer.tokens.pop(zid, None) is None or peer.tokens:
                 return _NOTHING
-            return self._token_went(peer, at_us)
+            return self._token_withdrawn(peer, at_us)
         if peer is None:
             peer = self._meet(unit, at_us)
         if peer is None or self._member_of(unit) is None:
@@ -346,9 +346,9 @@ class Liveness:
         self, unit: str, boot: int, seq: int, version: int, hears: Sequence[str], at_us: int
     ) -> Sequence[LivenessEvent]:
         if unit == self.unit:
-            if boot == self.boot or boot in self._twins:
+            if boot == self.boot or boot in self._duplicates:
                 return _NOTHING
-            self._twins.append(boot)
+            self._duplicates.append(boot)
             return [NameConflict(unit, boot)]
         peer = self.peers.get(unit) or self._meet(unit, at_us)
         if (
@@ -393,7 +393,7 @@ class Liveness:
         self._wake(peer.due_us)
         return [PlatformReturned(peer.unit, peer.boot)]
 
-    def _token_went(self, peer: Peer, at_us: int) -> Sequence[LivenessEvent]:
+    def _token_withdrawn(self, peer: Peer, at_us: int) -> Sequence[LivenessEvent]:
         peer.untold_us = at_us
         if not peer.present:
             return _NOTHING

@@ -26,8 +26,8 @@ from federation.messages.newest import Newest
 from federation.security.trust import Roster, Trust
 
 P = Performative
-TWIN_US = 1_000_000
-TWINS = 8
+DUPLICATE_US = 1_000_000
+DUPLICATES = 8
 """How many other lives of our own name are kept in mind."""
 
 
@@ -84,7 +84,7 @@ class Member:
         self.offsets = ClockOffsets(boot, self._questions)
         self.imports = Imports(self._questions)
         self.acts = Correspondence(unit, boot, agents, audit, emit, self._offset_us_of, trust)
-        self._twins: dict[int, int] = {}
+        self._duplicates: dict[int, int] = {}
 
     def _new_directory(self, now_us: int) -> DirectoryFacilitator:
         roster = None if self.trust is None else self.trust.roster.fingerprint
@@ -221,13 +221,13 @@ class Member:
         offset = self.offsets.of(unit)
         return 0 if offset is None else offset.offset_us
 
-    def _is_twin(self, boot: int, at_us: int) -> bool:
+    def _is_duplicate(self, boot: int, at_us: int) -> bool:
         """Whether another process has our name: heard for over a second, since an earlier life of ours may echo."""
         if boot == self.boot:
             return False
-        if boot not in self._twins and len(self._twins) >= TWINS:
-            del self._twins[next(iter(self._twins))]
-        return at_us - self._twins.setdefault(boot, at_us) >= TWIN_US
+        if boot not in self._duplicates and len(self._duplicates) >= DUPLICATES:
+            del self._duplicates[next(iter(self._duplicates))]
+        return at_us - self._duplicates.setdefault(boot, at_us) >= DUPLICATE_US
 
     def _on_arrived(self, event: transport.Arrived, now_us: int) -> None:
         match key := keys.parse_key(event.key):
@@ -258,7 +258,7 @@ class Member:
             return True
         outcome: Sequence[DirectoryOutcome] = ()
         if not self.directory.goes_on(beat, at_us):
-            if beat.unit == self.unit and not self._is_twin(beat.boot, at_us):
+            if beat.unit == self.unit and not self._is_duplicate(beat.boot, at_us):
                 return False
             outcome = self.directory.on_heartbeat(beat, at_us)
         elif self.imports.tails.get(beat.unit) is beat.tails:

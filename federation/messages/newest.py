@@ -13,11 +13,11 @@ KEPT: Final = 2
 MOST_BYTES: Final = 1 << 20
 """Bytes of all entries of one cache, as they are sent; their values take several times more."""
 
-Said = TypeVar("Said")
+Item = TypeVar("Item")
 Made = TypeVar("Made")
 
 
-class Newest(Generic[Said, Made]):
+class Newest(Generic[Item, Made]):
     """Calls `make` for new contents of a unit, and returns its earlier result for known ones.
 
     Args:
@@ -25,20 +25,20 @@ class Newest(Generic[Said, Made]):
         most_bytes: of all entries; those of the units that were heard longest ago go first.
     """
 
-    def __init__(self, make: Callable[[Said], Made], size: Callable[[Said], int], most_bytes: int = MOST_BYTES) -> None:
+    def __init__(self, make: Callable[[Item], Made], size: Callable[[Item], int], most_bytes: int = MOST_BYTES) -> None:
         self._make, self._size, self._most_bytes = make, size, most_bytes
-        self._entries: OrderedDict[str, tuple[tuple[Said, Made], ...]] = OrderedDict()
+        self._entries: OrderedDict[str, tuple[tuple[Item, Made], ...]] = OrderedDict()
         self.bytes = 0
 
     def __len__(self) -> int:
         """How many units have entries."""
         return len(self._entries)
 
-    def has(self, unit: str, said: Said) -> bool:
+    def has(self, unit: str, said: Item) -> bool:
         """Whether what is made of it is kept."""
         return any(known == said for known, _ in self._entries.get(unit, ()))
 
-    def __call__(self, unit: str, said: Said) -> Made:
+    def __call__(self, unit: str, said: Item) -> Made:
         """The result of `make`; raises its exceptions."""
         entries = self._entries.get(unit, ())
         for known, made in entries:

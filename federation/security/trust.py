@@ -322,7 +322,7 @@ class Verifier:
             now_us: when it arrived.
             offset_us: the sender's clock minus ours, as estimated; believed up to `OFFSET_US` either way.
         """
-        refusal = self.doubt(act, signature, body)
+        refusal = self.forgery(act, signature, body)
         member = self.roster.member(act.sender.unit)
         if refusal is not None or member is None:
             return refusal
@@ -344,7 +344,7 @@ class Verifier:
         member = self.roster.member(unit)
         return member is not None and not member.revoked and self._is_genuine(member.key, signature, signed)
 
-    def doubt(self, act: Act, signature: Signature | None, body: bytes) -> Refusal | None:
+    def forgery(self, act: Act, signature: Signature | None, body: bytes) -> Refusal | None:
         """Why it is not the act of the member that it names, or None; an old one, or one that was here before, is genuine, too."""
         if signature is None:
             return "unsigned"

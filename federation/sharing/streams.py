@@ -86,7 +86,7 @@ class ExportStream:
 
 
 @dataclass(slots=True)
-class StreamAccount:
+class StreamCounts:
     """Counts of the samples of one imported stream.
 
     `received` counts deliveries, `recovered` those among them that came late or by asking, `duplicates` what was
@@ -125,7 +125,7 @@ class ImportStream:
     ) -> None:
         self.owner, self.label, self.policy_hash = owner, label, policy_hash
         self.boot = boot
-        self.account = StreamAccount()
+        self.account = StreamCounts()
         self._questions = questions
         self._next = first
         self._missing: set[int] = set()

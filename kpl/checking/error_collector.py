@@ -8,9 +8,9 @@ from kpl.syntax.listing import print_declaration
 from kpl.syntax.specification import Declaration
 from reasoning.formulas.tree import Node
 
-LONGEST_GUESS = 64
-LONGEST_SAID = 300
-MOST_GUESSES = 50
+LONGEST_NAME = 64
+LONGEST_MESSAGE = 300
+MOST_SUGGESTIONS = 50
 
 
 class DeclarationErrors(ErrorCollector):
@@ -34,7 +34,7 @@ class DeclarationErrors(ErrorCollector):
 
     def closest(self, name: str, names: Iterable[object]) -> str:
         """The nearest of `names`, as a suggestion; empty after many errors, since the comparison is slow."""
-        if len(name) > LONGEST_GUESS or len(self.errors) >= MOST_GUESSES:
+        if len(name) > LONGEST_NAME or len(self.errors) >= MOST_SUGGESTIONS:
             return ""
         every = list(map(str, names))
         feature = name.partition("[")[0]
@@ -42,7 +42,7 @@ class DeclarationErrors(ErrorCollector):
         return nearest(name, same, cutoff=0) or nearest(name, every)
 
     def located(self, message: str, node: Node, repair: str) -> TextError:
-        message, repair = shortened(message), repair if len(repair) <= LONGEST_SAID else ""
+        message, repair = shortened(message), repair if len(repair) <= LONGEST_MESSAGE else ""
         if self.is_old and self.of is not None:  # not in this text: a running declaration that needs a removed one
             running = print_declaration(self.of)
             return TextError(
@@ -53,4 +53,4 @@ class DeclarationErrors(ErrorCollector):
 
 def shortened(message: str) -> str:
     """A message without the middle of a name that is too long to be read."""
-    return message if len(message) <= LONGEST_SAID else f"{message[: LONGEST_SAID - 100]}...{message[-90:]}"
+    return message if len(message) <= LONGEST_MESSAGE else f"{message[: LONGEST_MESSAGE - 100]}...{message[-90:]}"

@@ -17,7 +17,7 @@ SETTLES_US: Final = 500_000
 """The time for a value to come back, as the repair suggests it; users choose it for their sensor."""
 
 
-class Remark(NamedTuple):
+class LintWarning(NamedTuple):
     """A message about a node, and a suggestion."""
 
     node: tree.Node
@@ -25,17 +25,17 @@ class Remark(NamedTuple):
     repair: str
 
 
-def remarks(
+def lint(
     formula: tree.Formula, is_noisy: Callable[[tree.Feature], bool] = lambda _feature: True
-) -> Iterator[Remark]:
-    """Everything there is to say; `is_noisy` tells which features are values as a sensor gives them."""
+) -> Iterator[LintWarning]:
+    """Lint warnings about a formula; `is_noisy` tells which features are raw values of a sensor."""
     for node in tree.walk(formula):
         if isinstance(node, tree.Always) and node.hi_us is None and not tree.is_temporal(node.operand):
             noisy = [one for one in _measured(node.operand) if is_noisy(one)]
             if noisy:
                 feature = min(noisy, key=lambda one: one.place.start)
                 message = f"one wrong sample of {feature.name} violates this; what counts only if it lasts"
-                yield Remark(node, message, print_formula(replace(node, operand=_lasting(node.operand))))
+                yield LintWarning(node, message, print_formula(replace(node, operand=_lasting(node.operand))))
         elif isinstance(node, tree.Eventually | tree.Exists):
             inside = node.operand if isinstance(node, tree.Eventually) else node.body
             if isinstance(inside, tree.Implies):
@@ -43,10 +43,10 @@ def remarks(
                 meant: Any = tree.And((inside.left, inside.right))
                 part = {"operand": meant} if isinstance(node, tree.Eventually) else {"body": meant}
                 message = f"this {name} holds as soon as the left side of its -> is false"
-                yield Remark(node, message, print_formula(replace(node, **part)))
+                yield LintWarning(node, message, print_formula(replace(node, **part)))
 
 
-def withdrawn_and_back(link: spec.Link) -> Iterator[Remark]:
+def withdrawn_and_back(link: spec.Link) -> Iterator[LintWarning]:
     """An exclusive link whose `reestablish` does not ask what `establish` asks of `from`: withdrawn, it is back at once,
     and the link that excludes it never begins.
     """
@@ -66,7 +66,7 @@ def withdrawn_and_back(link: spec.Link) -> Iterator[Remark]:
             f"reestablish asks nothing of {missing[0]}[{FROM}]: withdrawn for it, the link is back at once, and those "
             f"with `exclusive {link.options.exclusive}` never begin"
         )
-        yield Remark(link.reestablish, message, print_formula(tree.And((link.reestablish, link.establish))))
+        yield LintWarning(link.reestablish, message, print_formula(tree.And((link.reestablish, link.establish))))
 
 
 def _measured(formula: tree.Formula) -> Iterator[tree.Feature]:

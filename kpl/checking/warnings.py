@@ -9,7 +9,7 @@ from dyknow.model.labels import Label
 from dyknow.model.values import Field
 from kpl.checking.error_collector import DeclarationErrors
 from kpl.checking.link_conditions import is_of_end
-from kpl.checking.lint import Remark, remarks, withdrawn_and_back
+from kpl.checking.lint import LintWarning, lint, withdrawn_and_back
 from kpl.checking.needs import NOTHING, conditions_of, domains_of, label_of
 from kpl.checking.streams import Streams
 from kpl.checking.symbols import DEFINITION, Symbol, SymbolTable, recognises, stem
@@ -52,18 +52,18 @@ def warnings_of(every: Sequence[spec.Declaration], symbols: SymbolTable, errors:
         for read in _formulas(each):
             found += makers.unread(read, errors)
         if isinstance(made.made, spec.Link):
-            found += remarked(withdrawn_and_back(made.made), errors)
+            found += lint_errors(withdrawn_and_back(made.made), errors)
         if isinstance(declared, spec.MonitorDeclaration):
-            found += remarked(remarks(declared.formula, lambda feature: _is_raw(feature, symbols)), errors)
+            found += lint_errors(lint(declared.formula, lambda feature: _is_raw(feature, symbols)), errors)
     for each in every:
         if isinstance(each, spec.ChronicleDeclaration) and each.content is not None:
             found += makers.eventless(each, each.content, errors)
     return [*found, *unoffered(map(symbols.of, every), symbols.known.units, errors), *stray_grids(every, errors)]
 
 
-def remarked(said: Iterable[Remark], errors: DeclarationErrors) -> list[TextError]:
+def lint_errors(lints: Iterable[LintWarning], errors: DeclarationErrors) -> list[TextError]:
     """Warnings about formulas, each at its place."""
-    return [errors.located(one.message, one.node, one.repair) for one in said]
+    return [errors.located(one.message, one.node, one.repair) for one in lints]
 
 
 def unoffered(every: Iterable[Symbol], offered: Collection[str], errors: DeclarationErrors) -> Iterator[TextError]:

@@ -14,7 +14,7 @@ from reasoning.progression.explaining import Explanation
 if TYPE_CHECKING:
     from anchoring.links.objects import LinkEvent
 
-TOLD = 3
+MOST_REPORTED = 3
 """Faults of one stream that are reported."""
 MOST_REASONS = 3
 """Parts of a formula that an alarm names."""
@@ -102,8 +102,8 @@ class FaultLog:
     def on_fault(self, label: Label, said: str) -> None:
         """Something a person wrote does not work."""
         self._counts[label] += 1
-        if self._counts[label] <= TOLD:
-            more = "; further ones of it are not reported" if self._counts[label] == TOLD else ""
+        if self._counts[label] <= MOST_REPORTED:
+            more = "; further ones of it are not reported" if self._counts[label] == MOST_REPORTED else ""
             self._tell(f"{label}: {said}{more}")
 
     def clear(self) -> None:

@@ -298,9 +298,9 @@ class Mission:
         self._replans += 1
         if self._replans > self.options.most_replans:
             return self._end("gave up", f"{self._replans - 1} plans were made: {why}", now_us)
-        return [*self._assume_anew(now_us), *self._search_plan(why, now_us)]
+        return [*self._assume_again(now_us), *self._search_plan(why, now_us)]
 
-    def _assume_anew(self, now_us: int) -> list[MissionEffect]:
+    def _assume_again(self, now_us: int) -> list[MissionEffect]:
         """Make the assumptions of the recovery `replan`, which precede every new plan."""
         recovery = self._recoveries.get(model.REPLANNING)
         return [] if recovery is None else self._assume(recovery, {}, now_us)
@@ -328,7 +328,7 @@ class Mission:
         rest, self._rest = self._rest, None
         if rest is None or self._units.pilots or self._unknown:
             return self._replan("the mission is resumed", now_us)
-        found = self._assume_anew(now_us)
+        found = self._assume_again(now_us)
         self._rebuild(now_us)
         why = hindrance(self._domain.joined(self._problem_now), rest)
         if why:

@@ -122,9 +122,9 @@ class ControlFormulas:
 
     def _progress(self, name: str, ground: tree.Formula, is_pair: bool) -> None:
         apart = take_apart(ground, {})
-        is_metric = any(node.lo_us or node.hi_us is not None for node in apart.shape.nodes)
+        is_metric = any(node.lo_us or node.hi_us is not None for node in apart.skeleton.nodes)
         read = EvaluationCompiler().assignment(apart.atoms)
-        self._progressed.append(_Progressed(name, read, automaton(apart.shape, None), is_metric, is_pair))
+        self._progressed.append(_Progressed(name, read, automaton(apart.skeleton, None), is_metric, is_pair))
 
     @property
     def of_pairs(self) -> dict[str, Value]:
@@ -189,13 +189,13 @@ class ControlFormulas:
     def _stepped(self, each: _Progressed, left: AutomatonState | None, state: Any, gap_ms: int) -> AutomatonState:
         if left is not None and left.is_decided:
             return left
-        letter = each.read(0, state, _NONE, (), _NONE)
+        assignment = each.read(0, state, _NONE, (), _NONE)
         if left is None:
-            return each.automaton.start(letter)
+            return each.automaton.start(assignment)
         if each.is_metric:
-            return each.automaton.pass_by(left, letter, gap_ms * 1000)
+            return each.automaton.pass_by(left, assignment, gap_ms * 1000)
         offset = each.automaton.gap(1)
-        return each.automaton.step(left, (offset or 0) + letter)
+        return each.automaton.step(left, (offset or 0) + assignment)
 
     def accept(self, state: dict[str, Value], touched: Mapping[str, Any], residuals: Residuals) -> bool:
         """Whether every formula holds if this state persists for ever."""
@@ -208,8 +208,8 @@ class ControlFormulas:
             values = both if each.is_pair else state
             last = self._stepped(each, left, values, 1) if each.is_pair or left is None else left
             progressor = each.automaton.progressor
-            letter = progressor.letter(each.read(0, values, _NONE, (), _NONE))
-            if not holds_if_all_persists(last.clauses, progressor, letter):
+            assignment = progressor.assignment(each.read(0, values, _NONE, (), _NONE))
+            if not holds_if_all_persists(last.clauses, progressor, assignment):
                 self._count(each.name)
                 return False
         return True

@@ -9,7 +9,7 @@ from functools import partial
 from itertools import count
 from pathlib import Path
 
-from agents.effects import DropHost, HostCame, HostEffect, HostEvent, HostLeft, HostSaid, TakeHost, TellHost
+from agents.effects import DropHost, HostCame, HostEffect, HostEvent, HostLeft, HostMessage, TakeHost, TellHost
 from proxies.hosts.connection import Line, connect, listen
 
 UNTAKEN = 64
@@ -108,7 +108,7 @@ class HostDoor:
     def _line(self, number: int, connected: socket.socket, guest: _Guest) -> Line:
         def said(payload: bytes) -> None:
             guest.untaken.acquire()
-            self._post(HostSaid(self._now_us(), number, payload))
+            self._post(HostMessage(self._now_us(), number, payload))
 
         def left() -> None:
             self._guests.pop(number, None)

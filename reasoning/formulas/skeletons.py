@@ -29,7 +29,7 @@ class SkeletonNode(NamedTuple):
     hi_us: int | None = None
 
 
-class Shape(NamedTuple):
+class Skeleton(NamedTuple):
     """Nodes, those inside before those around them; the last one is the formula. `atoms` counts them."""
 
     nodes: tuple[SkeletonNode, ...]
@@ -57,7 +57,7 @@ class TakenApart:
         is_deep: more than `LIMIT_CLAUSES` temporal operators stand inside one another.
     """
 
-    shape: Shape
+    skeleton: Skeleton
     atoms: tuple[tree.Formula, ...]
     origins: tuple[AtomOrigin, ...]
     growing: tuple[tuple[tree.Forall | tree.Exists, bool], ...] = ()
@@ -81,8 +81,8 @@ def take_apart(formula: tree.Formula, domains: tree.Domains, compiler: Evaluatio
         raise TextError.at(place, tree.too_deep(depth), repair="say it with fewer of them")
     found = _Parts(compiler or EvaluationCompiler(domains))
     found.add(formula, negated=False, binding=())
-    shape = Shape(tuple(found.nodes), len(found.atoms))
-    return TakenApart(shape, tuple(found.atoms), tuple(found.origins), tuple(found.growing), depth > LIMIT_CLAUSES)
+    skeleton = Skeleton(tuple(found.nodes), len(found.atoms))
+    return TakenApart(skeleton, tuple(found.atoms), tuple(found.origins), tuple(found.growing), depth > LIMIT_CLAUSES)
 
 
 class _Parts:

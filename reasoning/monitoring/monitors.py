@@ -20,7 +20,7 @@ from reasoning.progression.automaton import Verdict
 from reasoning.progression.changes import Changes, lacking
 from reasoning.progression.engine import Progressing, make_progression
 from reasoning.progression.explaining import Explanation
-from reasoning.progression.restarting import startable
+from reasoning.progression.restarting import restartable
 
 _new = tuple.__new__  # makes a NamedTuple in half the time; every state of a monitor is one
 
@@ -235,7 +235,7 @@ class Monitor:
     def _activate(self, domains: Domains) -> "Watch | _Once":
         formula = self.formula
         if isinstance(formula, Always) and formula.lo_us == 0 and formula.hi_us is None:
-            return Watch(startable(formula.operand, domains, self.period_us, self.no_value), self._close_after)
+            return Watch(restartable(formula.operand, domains, self.period_us, self.no_value), self._close_after)
         policy: NoValuePolicy = "undecided" if self.no_value == "skip" else self.no_value  # what to skip is known here
         return _Once(make_progression(formula, self.period_us, policy))
 

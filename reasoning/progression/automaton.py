@@ -10,16 +10,16 @@ from functools import lru_cache
 from typing import Any, Final, Literal, NamedTuple, Protocol, TypeAlias
 
 from reasoning.formulas.evaluation import Moment
-from reasoning.formulas.skeletons import Shape, SkeletonNode
+from reasoning.formulas.skeletons import Skeleton, SkeletonNode
 from reasoning.progression.clauses import (
     DECIDED,
-    DOUBT,
     FALSE,
     FOREVER,
     LIMIT_PRODUCT,
     OPEN,
     TRUE,
     UNKNOWN,
+    UNKNOWN_NUMBER,
     Block,
     Clauses,
     Grown,
@@ -42,7 +42,7 @@ _TRUTHS: Final = (FALSE, TRUE, UNKNOWN)
 _NEGATED: Final = (TRUE, FALSE, UNKNOWN)
 
 
-class Letter:
+class TruthAssignment:
     """One truth assignment of `atoms` atoms: the digit of each, and values computed for it.
 
     `moment` is the state itself, for growing quantifiers, which no automaton has.
@@ -77,16 +77,16 @@ class Progressor:
     """
 
     def __init__(
-        self, shape: Shape, period_us: int | None, growing: Sequence[Growing] = (), limit: int = LIMIT_PRODUCT
+        self, skeleton: Skeleton, period_us: int | None, growing: Sequence[Growing] = (), limit: int = LIMIT_PRODUCT
     ) -> None:
-        self.shape, self._period_us = shape, period_us
+        self.skeleton, self._period_us = skeleton, period_us
         self._growing, self._limit = growing, limit
         self._step_us = period_us or 1
-        self._root = len(shape.nodes) - 1
+        self._root = len(skeleton.nodes) - 1
         self._operators: dict[int, SkeletonNode] = {}
         self._numbers: dict[int, int] = {}
-        self._letters: dict[int, Letter] = {}
-        for at, node in enumerate(shape.nodes):
+        self._assignments: dict[int, TruthAssignment] = {}
+        for at, node in enumerate(skeleton.nodes):
             if node.kind in {"always", "eventually", "until", "release"}:
                 number = 2 * len(self._operators) + (node.kind in {"always", "release"})
                 self._operators[number], self._numbers[at] = node, number
@@ -95,80 +95,80 @@ class Progressor:
         """The node of an obligation's operator."""
         return next(at for at, known in self._numbers.items() if known == number)
 
-    def letter(self, number: int, moment: Moment | None = None) -> Letter:
+    def assignment(self, number: int, moment: Moment | None = None) -> TruthAssignment:
         """The truth assignment with this number; the latest ones are kept with their computed values.
 
         With growing quantifiers it is that of one state, `moment`.
         """
         if self._growing:
-            return Letter(number, self.shape.atoms, moment)
-        found = self._letters.get(number)
+            return TruthAssignment(number, self.skeleton.atoms, moment)
+        found = self._assignments.get(number)
         if found is None:
-            if len(self._letters) >= LIMIT_STATES:
-                self._letters.clear()
-            found = self._letters[number] = Letter(number, self.shape.atoms)
+            if len(self._assignments) >= LIMIT_STATES:
+                self._assignments.clear()
+            found = self._assignments[number] = TruthAssignment(number, self.skeleton.atoms)
         return found
 
-    def start(self, letter: Letter, node: int | None = None) -> Clauses:
+    def start(self, assignment: TruthAssignment, node: int | None = None) -> Clauses:
         """The remainder of a node after the state in which it starts, relative to that state."""
         at = self._root if node is None else node
-        found = letter.started.get(at)
+        found = assignment.started.get(at)
         if found is None:
-            found = letter.started[at] = self._start(self.shape.nodes[at], at, letter)
+            found = assignment.started[at] = self._start(self.skeleton.nodes[at], at, assignment)
         return found
 
-    def _start(self, node: SkeletonNode, at: int, letter: Letter) -> Clauses:
+    def _start(self, node: SkeletonNode, at: int, assignment: TruthAssignment) -> Clauses:
         if node.kind == "atom":
             atom, negated = node.parts
-            return (_NEGATED if negated else _TRUTHS)[letter.digits[atom]]
+            return (_NEGATED if negated else _TRUTHS)[assignment.digits[atom]]
         if node.kind == "constant":
             return TRUE if node.parts[0] else FALSE
         if node.kind == "and":
-            return conjoin([self.start(letter, one) for one in node.parts])
+            return conjoin([self.start(assignment, one) for one in node.parts])
         if node.kind == "or":
-            return disjoin([self.start(letter, one) for one in node.parts], self._limit)
+            return disjoin([self.start(assignment, one) for one in node.parts], self._limit)
         if node.kind == "growing":
-            return self._grown(Grown(node.parts[0], ()), letter)
+            return self._grown(Grown(node.parts[0], ()), assignment)
         ends_us = FOREVER if node.hi_us is None else node.hi_us
-        return self._window((self._numbers[at], node.lo_us or OPEN, ends_us), letter, 0, 0)
+        return self._window((self._numbers[at], node.lo_us or OPEN, ends_us), assignment, 0, 0)
 
-    def step(self, clauses: Clauses, letter: Letter, now_us: int, base_us: int) -> Clauses:
+    def step(self, clauses: Clauses, assignment: TruthAssignment, now_us: int, base_us: int) -> Clauses:
         """The remainder after one more state; of more than `LIMIT_LEFT` obligations nothing will be known.
 
         Args:
             clauses: windows relative to some instant.
-            letter: of the state.
+            assignment: of the state.
             now_us: its time, relative to the same instant.
             base_us: the instant that the windows of the result are relative to, likewise.
         """
-        found = self._step(clauses, letter, now_us, base_us)
+        found = self._step(clauses, assignment, now_us, base_us)
         return found if size(found) <= LIMIT_LEFT else UNKNOWN
 
-    def _step(self, clauses: Clauses, letter: Letter, now_us: int, base_us: int) -> Clauses:
+    def _step(self, clauses: Clauses, assignment: TruthAssignment, now_us: int, base_us: int) -> Clauses:
         left: dict[Any, Clauses] = {}
         for clause in clauses:
             for one in clause:
                 if one not in left:
-                    left[one] = self.after(one, letter, now_us, base_us)
+                    left[one] = self.after(one, assignment, now_us, base_us)
         if len(clauses) == 1:
             (clause,) = clauses
             return disjoin([left[one] for one in clause], self._limit)
         limit = self._limit // len(clauses)
         return conjoin([disjoin([left[one] for one in clause], limit) for clause in clauses])
 
-    def _grown(self, one: Grown, letter: Letter) -> Clauses:
-        assert letter.moment is not None  # noqa: S101 - tells the type checker what `letter` makes sure of
-        return self._growing[one.number].step(one.number, one.members, letter.moment)
+    def _grown(self, one: Grown, assignment: TruthAssignment) -> Clauses:
+        assert assignment.moment is not None  # noqa: S101 - tells the type checker what `assignment()` ensures
+        return self._growing[one.number].step(one.number, one.members, assignment.moment)
 
-    def after(self, one: Any, letter: Letter, now_us: int, base_us: int) -> Clauses:
+    def after(self, one: Any, assignment: TruthAssignment, now_us: int, base_us: int) -> Clauses:
         """The remainder of one obligation or block after one more state, as `step`."""
         if isinstance(one, Block):
-            return self._step(one.clauses, letter, now_us, base_us)
+            return self._step(one.clauses, assignment, now_us, base_us)
         if isinstance(one, Grown):
-            return self._grown(one, letter)
-        return UNKNOWN if one[0] == DOUBT else self._window(one, letter, now_us, base_us)
+            return self._grown(one, assignment)
+        return UNKNOWN if one[0] == UNKNOWN_NUMBER else self._window(one, assignment, now_us, base_us)
 
-    def _window(self, one: Obligation, letter: Letter, now_us: int, base_us: int) -> Clauses:
+    def _window(self, one: Obligation, assignment: TruthAssignment, now_us: int, base_us: int) -> Clauses:
         number, from_us, to_us = one
         node = self._operators[number]
         universal = number & 1
@@ -182,22 +182,24 @@ class Progressor:
                 return TRUE if universal else FALSE
             opens_us = OPEN if from_us <= now_us + self._step_us else from_us - base_us
             rest = alone(number, opens_us, rest_us)
-            return self._with_left(node, universal, rest, letter, now_us - base_us) if until else rest
-        found = self._started(node.parts[-1], letter, now_us - base_us)
+            return self._with_left(node, universal, rest, assignment, now_us - base_us) if until else rest
+        found = self._started(node.parts[-1], assignment, now_us - base_us)
         if closes or found == (FALSE if universal else TRUE):
             return found
         rest = alone(number, OPEN, rest_us)
         if until:
-            rest = self._with_left(node, universal, rest, letter, now_us - base_us)
+            rest = self._with_left(node, universal, rest, assignment, now_us - base_us)
         return conjoin((found, rest)) if universal else disjoin((found, rest), self._limit)
 
-    def _with_left(self, node: SkeletonNode, universal: int, rest: Clauses, letter: Letter, ahead_us: int) -> Clauses:
+    def _with_left(
+        self, node: SkeletonNode, universal: int, rest: Clauses, assignment: TruthAssignment, ahead_us: int
+    ) -> Clauses:
         """Until needs its left side as well; release, its dual, needs the rest only without it."""
-        left = self._started(node.parts[0], letter, ahead_us)
+        left = self._started(node.parts[0], assignment, ahead_us)
         return disjoin((left, rest), self._limit) if universal else conjoin((left, rest))
 
-    def _started(self, node: int, letter: Letter, ahead_us: int) -> Clauses:
-        found = self.start(letter, node)
+    def _started(self, node: int, assignment: TruthAssignment, ahead_us: int) -> Clauses:
+        found = self.start(assignment, node)
         return moved(found, ahead_us) if ahead_us else found
 
 
@@ -259,17 +261,17 @@ class Figures(NamedTuple):
 class Automaton:
     """The states of one skeleton and period, made as they are met.
 
-    A reading is a truth assignment plus `letters` times the number of the gap: of the time since the state before, 0 for the
+    A reading is a truth assignment plus `assignments` times the number of the gap: of the time since the state before, 0 for the
     period. State 0 is false, 1 true, 2 undecided for ever, 3 the formula before its first state.
 
     Attributes:
-        letters: how many truth assignments there are.
+        assignments: how many truth assignments there are.
         is_full: no more states are kept; others are computed each time.
     """
 
-    def __init__(self, shape: Shape, period_us: int | None) -> None:
-        self.progressor = Progressor(shape, period_us)
-        self.letters: int = 3**shape.atoms
+    def __init__(self, skeleton: Skeleton, period_us: int | None) -> None:
+        self.progressor = Progressor(skeleton, period_us)
+        self.assignments: int = 3**skeleton.atoms
         self.states: list[AutomatonState] = []
         self._known: dict[Clauses, AutomatonState] = {}
         self._started: dict[int, AutomatonState] = {}
@@ -310,15 +312,15 @@ class Automaton:
                 return None
             number = self._gaps[gap_us] = len(self._gaps)
             self._gap_of[number] = gap_us
-        return number * self.letters
+        return number * self.assignments
 
-    def start(self, letter: int) -> AutomatonState:
+    def start(self, assignment: int) -> AutomatonState:
         """After the state in which the formula starts."""
-        found = self._started.get(letter)
+        found = self._started.get(assignment)
         if found is None:
-            found = self.state(self.progressor.start(self.progressor.letter(letter)))
+            found = self.state(self.progressor.start(self.progressor.assignment(assignment)))
             if not self.is_full:
-                self._started[letter] = found
+                self._started[assignment] = found
         return found
 
     def step(self, state: AutomatonState, reading: int) -> AutomatonState:
@@ -327,18 +329,22 @@ class Automaton:
             return state
         found = state.after.get(reading) or state.ends.get(reading)
         if found is None:
-            gap, letter = divmod(reading, self.letters)
-            found = self.start(letter) if state is self.beginning else self.pass_by(state, letter, self._gap_of[gap])
+            gap, assignment = divmod(reading, self.assignments)
+            found = (
+                self.start(assignment)
+                if state is self.beginning
+                else self.pass_by(state, assignment, self._gap_of[gap])
+            )
             if not self.is_full:
                 (state.ends if found.is_decided else state.after)[reading] = found
                 self._transitions += 1
         return found
 
-    def pass_by(self, state: AutomatonState, letter: int, gap_us: int) -> AutomatonState:
+    def pass_by(self, state: AutomatonState, assignment: int, gap_us: int) -> AutomatonState:
         """After one more state, without the memory: the gap is none that the automaton knows."""
         if state.is_decided:
             return state
-        return self.state(self.progressor.step(state.clauses, self.progressor.letter(letter), gap_us, gap_us))
+        return self.state(self.progressor.step(state.clauses, self.progressor.assignment(assignment), gap_us, gap_us))
 
     def conjoin(self, states: Iterable[AutomatonState]) -> AutomatonState:
         """The state in which all of these are kept."""
@@ -358,6 +364,6 @@ LIMIT_GAPS: Final = 16
 
 
 @lru_cache(maxsize=256)
-def automaton(shape: Shape, period_us: int | None) -> Automaton:
+def automaton(skeleton: Skeleton, period_us: int | None) -> Automaton:
     """The automaton that all formulas of this skeleton share."""
-    return Automaton(shape, period_us)
+    return Automaton(skeleton, period_us)

@@ -43,16 +43,16 @@ OPEN: Final = -(1 << 80)
 FOREVER: Final = 1 << 80
 """`to` of a window without end."""
 NEVER: Final[Clause] = frozenset()
-_DOUBT: Final[Obligation] = (-2, OPEN, FOREVER)
+_UNKNOWN_OBLIGATION: Final[Obligation] = (-2, OPEN, FOREVER)
 TRUE: Final[Clauses] = frozenset()
 FALSE: Final[Clauses] = frozenset({NEVER})
-UNKNOWN: Final[Clauses] = frozenset({frozenset({_DOUBT})})
+UNKNOWN: Final[Clauses] = frozenset({frozenset({_UNKNOWN_OBLIGATION})})
 """Undecided for ever: an atom over `no_value`."""
 DECIDED: Final = frozenset((TRUE, FALSE, UNKNOWN))
 LIMIT_PRODUCT: Final = 64
 """A disjunction that would be distributed into more clauses than this keeps blocks; so does one of several disjunctions
 that together would come to more."""
-DOUBT: Final = _DOUBT[0]
+UNKNOWN_NUMBER: Final = _UNKNOWN_OBLIGATION[0]
 _FEW: Final = 16
 """Up to this number clauses are compared pairwise."""
 

@@ -29,8 +29,8 @@ from reasoning.progression.automaton import (
     LIMIT_GAPS,
     Automaton,
     AutomatonState,
-    Letter,
     Progressor,
+    TruthAssignment,
     Verdict,
     automaton,
     moved,
@@ -109,7 +109,7 @@ class Decision(NamedTuple):
     """The state that decided, and the remainder before it: windows relative to the epoch. None left: it was the first."""
 
     left: Clauses | None
-    letter: Letter
+    assignment: TruthAssignment
     moment: Moment
 
 
@@ -242,26 +242,26 @@ class FastProgression:
             self._progressor = progressor_of(found, domains, self.period_us, self._no_value, compiler)
             self._turn_to_deadlines()
             return
-        self._automaton = automaton(found.shape, self.period_us)
+        self._automaton = automaton(found.skeleton, self.period_us)
         self._progressor = self._automaton.progressor
         self._state = self._automaton.beginning
         if not self._by_deadlines and self._no_value != "skip" and self._changes is None:
             self._quick_us = self.period_us
 
-    def _stepped(self, letter: int, moment: Moment) -> AutomatonState:
+    def _stepped(self, assignment: int, moment: Moment) -> AutomatonState:
         """The state after one more reading, whatever the gap."""
         if not self._by_deadlines:
             assert self._automaton is not None  # noqa: S101 - tells the type checker what activation made sure of
             gap_us = moment.valid_us - self._valid_us
             offset = self._automaton.gap(gap_us) if self._started else 0
             if offset is not None:
-                return self._meet(self._state, offset + letter, moment)
+                return self._meet(self._state, offset + assignment, moment)
             if self._odd_gaps < LIMIT_GAPS:
                 self._odd_gaps += 1
-                after = self._automaton.pass_by(self._state, letter, gap_us)
-                return self._decided(self._state, after, letter, moment)
+                after = self._automaton.pass_by(self._state, assignment, gap_us)
+                return self._decided(self._state, after, assignment, moment)
             self._turn_to_deadlines()
-        return self._by_deadline(letter, moment)
+        return self._by_deadline(assignment, moment)
 
     def _meet(self, state: AutomatonState, reading: int, moment: Moment) -> AutomatonState:
         """A transition that is new, or decides."""
@@ -274,14 +274,14 @@ class FastProgression:
             return found
         if known.is_full and reading not in state.ends:
             self._turn_to_deadlines()
-            return self._by_deadline(reading % known.letters, moment)
-        return self._decided(state, known.step(state, reading), reading % known.letters, moment)
+            return self._by_deadline(reading % known.assignments, moment)
+        return self._decided(state, known.step(state, reading), reading % known.assignments, moment)
 
-    def _decided(self, state: AutomatonState, found: AutomatonState, letter: int, moment: Moment) -> AutomatonState:
+    def _decided(self, state: AutomatonState, found: AutomatonState, assignment: int, moment: Moment) -> AutomatonState:
         """Keep what decided the formula, if that did."""
         if found.is_decided and self._automaton is not None:
             left = moved(state.clauses, self._valid_us) if self._started else None
-            self.decision = Decision(left, self._automaton.progressor.letter(letter), moment)
+            self.decision = Decision(left, self._automaton.progressor.assignment(assignment), moment)
         return found
 
     def _turn_to_deadlines(self) -> None:
@@ -292,15 +292,15 @@ class FastProgression:
     def _by_deadline(self, number: int, moment: Moment) -> AutomatonState:
         assert self._progressor is not None  # noqa: S101 - tells the type checker what activation made sure of
         progressor, left = self._progressor, self._clauses
-        letter = progressor.letter(number, moment)
+        assignment = progressor.assignment(number, moment)
         if left is None:
-            found = moved(progressor.start(letter), moment.valid_us)
+            found = moved(progressor.start(assignment), moment.valid_us)
         else:
-            found = progressor.step(left, letter, moment.valid_us, 0)
+            found = progressor.step(left, assignment, moment.valid_us, 0)
         self._clauses = found
         state = AutomatonState(found, -1)
         if state.is_decided:
-            self.decision = Decision(left, letter, moment)
+            self.decision = Decision(left, assignment, moment)
         return state
 
 

@@ -13,8 +13,8 @@ from dyknow.model.values import NO_VALUE
 from reasoning.formulas import tree
 from reasoning.formulas.evaluation import EvaluationCompiler, Moment
 from reasoning.formulas.skeletons import Binding, TakenApart
-from reasoning.progression.automaton import Letter, Progressor
-from reasoning.progression.clauses import DOUBT, FALSE, FOREVER, TRUE, Block, Clauses, Obligation
+from reasoning.progression.automaton import Progressor, TruthAssignment
+from reasoning.progression.clauses import FALSE, FOREVER, TRUE, UNKNOWN_NUMBER, Block, Clauses, Obligation
 
 
 class Explanation(NamedTuple):
@@ -53,7 +53,7 @@ class Explainer:
 
     Args:
         left: the remainder before the deciding state, windows relative to the epoch; None if that was the first.
-        letter: of the deciding state.
+        assignment: of the deciding state.
         moment: the deciding state.
     """
 
@@ -63,16 +63,16 @@ class Explainer:
         progressor: Progressor,
         compiler: EvaluationCompiler,
         left: Clauses | None,
-        letter: Letter,
+        assignment: TruthAssignment,
         moment: Moment,
     ) -> None:
         self._apart, self._progressor, self._compiler = taken_apart, progressor, compiler
-        self._left, self._letter, self._moment = left, letter, moment
+        self._left, self._assignment, self._moment = left, assignment, moment
 
     def reasons(self, *, truth: bool) -> tuple[Explanation, ...]:
         """The reasons of the formula's truth, or of its falsehood."""
         if self._left is None:
-            found = self._node(len(self._apart.shape.nodes) - 1, truth, _Within())
+            found = self._node(len(self._apart.skeleton.nodes) - 1, truth, _Within())
         else:
             found = self._clauses(self._left, truth)
         return tuple(_once(found))
@@ -80,7 +80,7 @@ class Explainer:
     def _clauses(self, left: Clauses, truth: bool) -> Iterator[Explanation]:
         wanted, now_us = TRUE if truth else FALSE, self._moment.valid_us
         for clause in sorted(left, key=lambda one: sorted(map(repr, one))):
-            settled = [one for one in clause if self._progressor.after(one, self._letter, now_us, 0) == wanted]
+            settled = [one for one in clause if self._progressor.after(one, self._assignment, now_us, 0) == wanted]
             if settled and (truth or len(settled) == len(clause)):
                 for one in settled[:1] if truth else settled:
                     yield from self._obligation(one, truth)
@@ -90,14 +90,14 @@ class Explainer:
     def _obligation(self, one: Obligation | Block, truth: bool) -> Iterator[Explanation]:
         if isinstance(one, Block):
             yield from self._clauses(one.clauses, truth)
-        elif one[0] != DOUBT:
+        elif one[0] != UNKNOWN_NUMBER:
             number, from_us, to_us = one
             at, now_us = self._progressor.node_of(number), self._moment.valid_us
             within = self._within(at, to_us)
             yield from self._operator(at, truth, within, within, is_inside=from_us <= now_us <= to_us)
 
     def _within(self, at: int, to_us: int) -> _Within:
-        node, origin = self._apart.shape.nodes[at], self._apart.origins[at]
+        node, origin = self._apart.skeleton.nodes[at], self._apart.origins[at]
         if to_us == FOREVER or node.hi_us is None:
             return _Within(origin.formula)
         return _Within(origin.formula, to_us - node.hi_us, to_us)
@@ -108,7 +108,7 @@ class Explainer:
         """Of a temporal operator those sides that the state settled the same way, else both. A state outside of its
         window settles only what must hold until then; otherwise the window was over, which no sample tells.
         """
-        parts = self._apart.shape.nodes[at].parts
+        parts = self._apart.skeleton.nodes[at].parts
         sides = parts if is_inside else parts[:-1]
         settled = [part for part in sides if self._started(part) == (TRUE if truth else FALSE)]
         if is_inside or settled:
@@ -120,10 +120,10 @@ class Explainer:
             yield Explanation(origin.formula, holds, None, origin.binding, own.since_us, own.until_us, now_us, {})
 
     def _started(self, at: int) -> Clauses:
-        return self._progressor.start(self._letter, at)
+        return self._progressor.start(self._assignment, at)
 
     def _node(self, at: int, truth: bool, within: _Within) -> Iterator[Explanation]:
-        node = self._apart.shape.nodes[at]
+        node = self._apart.skeleton.nodes[at]
         if node.kind == "constant":
             return
         if node.kind == "atom":

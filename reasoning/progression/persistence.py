@@ -3,33 +3,33 @@
 Over states that are all alike a temporal operator is about its operand alone: `always` and `eventually` are the same.
 """
 
-from reasoning.formulas.skeletons import Shape
-from reasoning.progression.automaton import Letter, Progressor
-from reasoning.progression.clauses import DOUBT, OPEN, Block, Clauses
+from reasoning.formulas.skeletons import Skeleton
+from reasoning.progression.automaton import Progressor, TruthAssignment
+from reasoning.progression.clauses import OPEN, UNKNOWN_NUMBER, Block, Clauses
 
 
-def holds_if_all_persists(clauses: Clauses, progressor: Progressor, letter: Letter) -> bool:
+def holds_if_all_persists(clauses: Clauses, progressor: Progressor, assignment: TruthAssignment) -> bool:
     """The truth of a remainder over endless repetitions of the state with this truth assignment; undecided is false."""
-    return all(any(_holds(one, progressor, letter) for one in clause) for clause in clauses)
+    return all(any(_holds(one, progressor, assignment) for one in clause) for clause in clauses)
 
 
-def _holds(one: object, progressor: Progressor, letter: Letter) -> bool:
+def _holds(one: object, progressor: Progressor, assignment: TruthAssignment) -> bool:
     if isinstance(one, Block):
-        return holds_if_all_persists(one.clauses, progressor, letter)
-    if not isinstance(one, tuple) or one[0] == DOUBT:
+        return holds_if_all_persists(one.clauses, progressor, assignment)
+    if not isinstance(one, tuple) or one[0] == UNKNOWN_NUMBER:
         return False
-    return _is_true(progressor.shape, progressor.node_of(one[0]), letter, is_open=one[1] == OPEN)
+    return _is_true(progressor.skeleton, progressor.node_of(one[0]), assignment, is_open=one[1] == OPEN)
 
 
-def _is_true(shape: Shape, at: int, letter: Letter, *, is_open: bool = False) -> bool:
+def _is_true(skeleton: Skeleton, at: int, assignment: TruthAssignment, *, is_open: bool = False) -> bool:
     """The truth of a node; `is_open` if its window has begun before, whatever its lower bound."""
-    kind, parts, lo_us, _ = shape.nodes[at]
+    kind, parts, lo_us, _ = skeleton.nodes[at]
     is_open = is_open or not lo_us
     if kind == "atom":
-        return letter.digits[parts[0]] == 1 - parts[1]
+        return assignment.digits[parts[0]] == 1 - parts[1]
     if kind == "constant":
         return bool(parts[0])
-    truths = [_is_true(shape, one, letter) for one in parts]
+    truths = [_is_true(skeleton, one, assignment) for one in parts]
     if kind == "or":
         return any(truths)
     if kind == "until":

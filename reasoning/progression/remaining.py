@@ -10,7 +10,7 @@ from typing import Final
 
 from reasoning.formulas.skeletons import TakenApart
 from reasoning.formulas.tree import Always, And, Const, Eventually, Feature, Formula, Not, Or, Until
-from reasoning.progression.clauses import DOUBT, FOREVER, Block, Clause, Clauses, Literal
+from reasoning.progression.clauses import FOREVER, UNKNOWN_NUMBER, Block, Clause, Clauses, Literal
 from reasoning.progression.engine import FastProgression, Progressing
 
 UNDECIDED: Final = Feature("no_value")
@@ -34,7 +34,7 @@ _OPERATORS: Final = ("always", "eventually", "until", "release")
 class _Writer:
     def __init__(self, taken_apart: TakenApart, step_us: int) -> None:
         self._origins = taken_apart.origins
-        self._operators = [at for at, node in enumerate(taken_apart.shape.nodes) if node.kind in _OPERATORS]
+        self._operators = [at for at, node in enumerate(taken_apart.skeleton.nodes) if node.kind in _OPERATORS]
         self._step_us = step_us
 
     def clauses(self, clauses: Clauses) -> Formula:
@@ -48,7 +48,7 @@ class _Writer:
         if isinstance(one, Block):
             return self.clauses(one.clauses)
         number, from_us, to_us = one
-        if number == DOUBT:
+        if number == UNKNOWN_NUMBER:
             return UNDECIDED
         hi_us = None if to_us == FOREVER else to_us - self._step_us
         return self._operator(self._operators[number // 2], max(0, from_us - self._step_us), hi_us)

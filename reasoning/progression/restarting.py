@@ -10,7 +10,7 @@ from typing import Any, Final, Protocol
 from reasoning.formulas.evaluation import TRUTHS, EvaluationCompiler, Moment, NoValuePolicy, Truth
 from reasoning.formulas.skeletons import TakenApart, take_apart
 from reasoning.formulas.tree import Domains, Exists, Forall, Formula, Not, domain_members, instantiate, is_temporal
-from reasoning.progression.automaton import Automaton, AutomatonState, Letter, Progressor, automaton, moved
+from reasoning.progression.automaton import Automaton, AutomatonState, Progressor, TruthAssignment, automaton, moved
 from reasoning.progression.clauses import DECIDED, FALSE, LIMIT_PRODUCT, TRUE, UNKNOWN, Clauses, Grown, conjoin
 from reasoning.progression.explaining import Explainer, Explanation
 
@@ -38,7 +38,7 @@ class Startable(Protocol):
         """Why `left`, or the start if that is None, became false at this state."""
 
 
-def startable(
+def restartable(
     formula: Formula,
     domains: Domains,
     period_us: int | None = None,
@@ -52,7 +52,7 @@ def startable(
     reading = EvaluationCompiler(domains, no_value)
     if found.growing or found.is_deep:
         return OnClauses(found, reading, progressor_of(found, domains, period_us, no_value, compiler))
-    return OnAutomaton(found, reading, automaton(found.shape, period_us))
+    return OnAutomaton(found, reading, automaton(found.skeleton, period_us))
 
 
 def progressor_of(
@@ -66,10 +66,10 @@ def progressor_of(
     compiler = compiler or EvaluationCompiler(domains, no_value)
 
     def instance(formula: Formula) -> Startable:
-        return startable(formula, domains, period_us, no_value, compiler)
+        return restartable(formula, domains, period_us, no_value, compiler)
 
     growing = [GrowingQuantifier(*one, instance, compiler) for one in taken_apart.growing]
-    return Progressor(taken_apart.shape, period_us, growing, 1 if taken_apart.is_deep else LIMIT_PRODUCT)
+    return Progressor(taken_apart.skeleton, period_us, growing, 1 if taken_apart.is_deep else LIMIT_PRODUCT)
 
 
 def is_pending(residual: object) -> bool:
@@ -101,9 +101,9 @@ class OneState:
             return ()
         compiler = EvaluationCompiler(self._compiler.domains)
         found = take_apart(self._formula, compiler.domains, compiler)
-        progressor = Progressor(found.shape, None)
-        letter = progressor.letter(self._compiler.assignment(found.atoms)(*moment))
-        return Explainer(found, progressor, self._compiler, None, letter, moment).reasons(truth=False)
+        progressor = Progressor(found.skeleton, None)
+        assignment = progressor.assignment(self._compiler.assignment(found.atoms)(*moment))
+        return Explainer(found, progressor, self._compiler, None, assignment, moment).reasons(truth=False)
 
 
 class GrowingQuantifier:
@@ -175,16 +175,16 @@ class OnClauses:
     def __init__(self, taken_apart: TakenApart, compiler: EvaluationCompiler, progressor: Progressor) -> None:
         self._read, self._progressor = compiler.assignment(taken_apart.atoms), progressor
 
-    def read(self, moment: Moment) -> tuple[Letter, int]:
-        return self._progressor.letter(self._read(*moment), moment), moment.valid_us
+    def read(self, moment: Moment) -> tuple[TruthAssignment, int]:
+        return self._progressor.assignment(self._read(*moment), moment), moment.valid_us
 
-    def start(self, reading: tuple[Letter, int]) -> Clauses | bool | None:
-        letter, valid_us = reading
-        return _truth_or(moved(self._progressor.start(letter), valid_us))
+    def start(self, reading: tuple[TruthAssignment, int]) -> Clauses | bool | None:
+        assignment, valid_us = reading
+        return _truth_or(moved(self._progressor.start(assignment), valid_us))
 
-    def step(self, residual: Clauses, reading: tuple[Letter, int]) -> Clauses | bool | None:
-        letter, valid_us = reading
-        return _truth_or(self._progressor.step(residual, letter, valid_us, 0))
+    def step(self, residual: Clauses, reading: tuple[TruthAssignment, int]) -> Clauses | bool | None:
+        assignment, valid_us = reading
+        return _truth_or(self._progressor.step(residual, assignment, valid_us, 0))
 
     def conjoin(self, residuals: Sequence[Clauses | bool | None]) -> Clauses | bool | None:
         return _truth_or(conjoin(one if isinstance(one, frozenset) else CLAUSES_OF[one] for one in residuals))
@@ -209,19 +209,19 @@ class OnAutomaton:
     def read(self, moment: Moment) -> tuple[int, int, int | None]:
         """(truth assignment, gap, reading); no reading if the automaton does not know the gap."""
         valid_us = moment.valid_us
-        letter = self._read(*moment)
+        assignment = self._read(*moment)
         gap_us = 0 if self._valid_us is None else valid_us - self._valid_us
         self._valid_us = valid_us
         offset = self._automaton.gap(gap_us) if gap_us else 0
-        return letter, gap_us, None if offset is None else offset + letter
+        return assignment, gap_us, None if offset is None else offset + assignment
 
     def start(self, reading: tuple[int, int, int | None]) -> AutomatonState | bool | None:
         return self._automaton.start(reading[0]).left
 
     def step(self, residual: AutomatonState, reading: tuple[int, int, int | None]) -> AutomatonState | bool | None:
-        letter, gap_us, number = reading
+        assignment, gap_us, number = reading
         if number is None:
-            return self._automaton.pass_by(residual, letter, gap_us).left
+            return self._automaton.pass_by(residual, assignment, gap_us).left
         found = residual.after.get(number)
         return self._automaton.step(residual, number).left if found is None else found
 
@@ -233,9 +233,11 @@ class OnAutomaton:
     def explain(
         self, left: AutomatonState | None, reading: tuple[int, int, int | None], moment: Moment
     ) -> tuple[Explanation, ...]:
-        letter, gap_us, _ = reading
+        assignment, gap_us, _ = reading
         progressor = self._automaton.progressor
         before = None if left is None else moved(left.clauses, moment.valid_us - gap_us)
         compiler = EvaluationCompiler(self._compiler.domains)
-        explainer = Explainer(self._taken_apart, progressor, compiler, before, progressor.letter(letter), moment)
+        explainer = Explainer(
+            self._taken_apart, progressor, compiler, before, progressor.assignment(assignment), moment
+        )
         return explainer.reasons(truth=False)

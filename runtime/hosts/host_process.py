@@ -25,7 +25,7 @@ from runtime.loop import leave_alone_what_is_loaded
 AGAIN_S: Final = 0.2
 TOGETHER: Final = 256
 """Messages that are taken before a process works again."""
-MAX_TOLD: Final = 1000
+MAX_REPORTED: Final = 1000
 _ENDED: Final = None
 
 
@@ -204,7 +204,7 @@ class HostProcess:
     def _tell(self, fault: HostFault) -> None:
         """Report faults of units at the host, too; each once."""
         label = self._labels.get(fault.process, "")
-        if (label, fault.said) not in self._faults and len(self._faults) < MAX_TOLD:
+        if (label, fault.said) not in self._faults and len(self._faults) < MAX_REPORTED:
             self._faults.add((label, fault.said))
             self._say({"event": "fault", "label": label, "said": fault.said})
 

@@ -8,7 +8,7 @@ from typing import TYPE_CHECKING, Any
 
 from federation.members.command_centre import PlatformView
 from federation.messages.contents import ActLog, MonitorEntry, TaskEntry
-from runtime.client import command_centre, surroundings
+from runtime.client import client_ports, command_centre
 from runtime.configuration.reach import client_wire, speaks_as
 from runtime.library import jobs, listings
 from runtime.library.async_federation import AsyncFederationClient
@@ -81,7 +81,7 @@ class Connection:
         speaker = speaks_as(settings, self._key)
         number = next(_CONNECTIONS)
         unit = speaker.named(f"{number}{os.getpid():08}" if number else os.getpid())
-        wire, named = surroundings(client_wire(settings, speaker.unit)), settings.federation
+        wire, named = client_ports(client_wire(settings, speaker.unit)), settings.federation
         centre = command_centre(settings, unit, self._key)
         self._thread = MemberThread(wire, centre, named, settings.extensions, settings.ontology)
         return self._thread

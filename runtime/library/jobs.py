@@ -35,10 +35,10 @@ from runtime.configuration.wording import content_when, content_with
 from runtime.library.meanings import disagreement_with
 from runtime.library.questions import (
     Which,
-    ask_who_is_missing,
     check_label,
     gone_text,
     missing_units,
+    query_missing,
     query_of,
     receiver_of,
 )
@@ -67,7 +67,7 @@ def all_platforms(client: Client, *, all_kinds: bool = False) -> Job[list[Platfo
     """The same, with those that are gone without a good-bye; they are listed as gone until they return."""
     there = yield from platforms(client)
     alive = [view.unit for view in there if view.state == PeerState.ALIVE.value]
-    missing = yield from missing_units((), ask_who_is_missing(client, alive))
+    missing = yield from missing_units((), query_missing(client, alive))
     there = client.centre.platforms(all_kinds=all_kinds)  # as it is now
     known, now_us = {view.unit for view in there}, client.now_us()
     gone = [
@@ -107,7 +107,7 @@ def readings_of(
     That is its name, its readings, why there are none, and when it answered, federation time by its own clock.
     """
     there = client.pick(None)
-    around = ask_who_is_missing(client, there) if unit is None or unit not in there else []
+    around = query_missing(client, there) if unit is None or unit not in there else []
     missing = yield from missing_units(there, around if unit is not None else [])
     units = agreeing(
         client, label, [] if unit in missing else client.pick(unit), lambda name, why: take(name, [], why, 0)

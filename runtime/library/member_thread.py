@@ -10,7 +10,7 @@ from typing import Any, Generic, TypeVar
 
 from dyknow.model.errors import SessionFailed
 from federation.members.command_centre import CommandCentre
-from runtime.client import Client, Job, Surroundings, Wait
+from runtime.client import Client, ClientPorts, Job, Wait
 from runtime.configuration.settings import Settings, load
 
 T = TypeVar("T")
@@ -45,7 +45,7 @@ class MemberThread:
     """A command centre in a federation, from `start` to `close`. Jobs are posted from any thread.
 
     Args:
-        around: clock and wire; its mailbox is not used.
+        ports: clock and wire; its mailbox is not used.
         make_centre: given the identity of the session and the time.
         federation: its name.
         extensions: modules that bring further tasks and semantic labels.
@@ -57,7 +57,7 @@ class MemberThread:
 
     def __init__(
         self,
-        around: Surroundings,
+        ports: ClientPorts,
         make_centre: Callable[[str, int], CommandCentre],
         federation: str,
         extensions: tuple[str, ...] = (),
@@ -66,7 +66,7 @@ class MemberThread:
         self._mailbox: SimpleQueue[Any] = SimpleQueue()
         self._jobs: list[_RunningJob[Any]] = []
         self._is_open = True
-        self.client = Client(around._replace(mailbox=self._mailbox), make_centre, federation, extensions, ontology)
+        self.client = Client(ports._replace(mailbox=self._mailbox), make_centre, federation, extensions, ontology)
         self._thread = threading.Thread(target=self._run, name=f"dyknow {self.client.centre.unit}", daemon=True)
         self._thread.start()
 

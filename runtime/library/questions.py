@@ -11,7 +11,7 @@ from federation.keys import label as label_name
 from federation.keys import unit as unit_name
 from federation.members.directory import unit_order
 from federation.messages.acts import Performative
-from federation.messages.contents import Content, Found, MonitorProximity, Query, QueryStream, Rejoin, Search
+from federation.messages.contents import Content, MonitorProximity, Query, QueryStream, Rejoin, Search, SearchResult
 from federation.messages.dialogue import Dialogue
 from runtime.client import Client, Job, Wait
 from runtime.configuration.instants import instant_us
@@ -108,13 +108,13 @@ def is_own_label(label: str) -> bool:
     return "[" in label
 
 
-def ask_who_is_missing(client: Client, units: Iterable[str]) -> list[Dialogue]:
+def query_missing(client: Client, units: Iterable[str]) -> list[Dialogue]:
     """Ask these platforms which ones they miss: a platform that timed out before this client came is unknown to it."""
     return [client.say(unit, Performative.QUERY_REF, Search(), within_s=LOOK_S) for unit in units]
 
 
 def missing_units(units: Collection[str], around: list[Dialogue]) -> Job[dict[str, int]]:
-    """Wait for answers to `ask_who_is_missing`; the platforms that others miss, without `units`.
+    """Wait for answers to `query_missing`; the platforms that others miss, without `units`.
 
     With each comes how long ago it was last heard by any of those that miss it, in microseconds.
     """
@@ -122,7 +122,7 @@ def missing_units(units: Collection[str], around: list[Dialogue]) -> Job[dict[st
     yield Wait(lambda: all(dialogue.over for dialogue in around), GRACE_S)
     ago: dict[str, int] = {}
     for act, content in (said for dialogue in around for said in dialogue.said):
-        if isinstance(content, Found):
+        if isinstance(content, SearchResult):
             for name, since_us in zip(content.missing_units, content.missing_since, strict=False):
                 heard_us = max(0, act.created_us - since_us)  # both by the clock of the platform that answers
                 ago[name] = min(heard_us, ago.get(name, heard_us))

@@ -67,7 +67,7 @@ _FLIGHT: Final = "flight"
 _DELAY_S = 1.0
 _AGAIN_US = 5_000_000
 _STEP_S = 0.1
-_TOLD = {P.REQUEST, P.REQUEST_WHEN, P.AGREE, P.REFUSE, P.FAILURE, P.CANCEL}
+_RECORDED = {P.REQUEST, P.REQUEST_WHEN, P.AGREE, P.REFUSE, P.FAILURE, P.CANCEL}
 
 
 class Sink(Protocol):
@@ -345,7 +345,7 @@ class Recorder:
         record = {"by": unit, **log.model_dump(mode="json", exclude_none=True)}
         self._keep(unit, "/acts", ACT, record)
         act = parsed_act(log)
-        if act is not None and log.direction == "out" and act.performative in _TOLD:
+        if act is not None and log.direction == "out" and act.performative in _RECORDED:
             head = "" if act.content is None else f" {act.content.head}"
             self._say(foxglove.INFO, f"{unit} to {log.peer}: {act.performative.value}{head}", unit)
 

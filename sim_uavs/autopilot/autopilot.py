@@ -15,11 +15,11 @@ from dyknow.model.instants import US_PER_S
 from sim_uavs.autopilot.commands import Commands, read_order
 from sim_uavs.autopilot.heard import broadcasts
 from sim_uavs.autopilot.link import Decoder, Links, MavlinkLink, Message
-from sim_uavs.autopilot.mission_protocol import Asker, Missions
+from sim_uavs.autopilot.mission_protocol import Missions, Requester
 from sim_uavs.autopilot.parameters import Parameters
 from sim_uavs.autopilot.personas import PERSONAS
 from sim_uavs.autopilot.telemetry import BUILDERS, STREAM_GROUPS, Snapshot, default_ticks
-from sim_uavs.dynamics.flight import Event, Mode, Said
+from sim_uavs.dynamics.flight import Event, Mode, StatusText
 from sim_uavs.dynamics.sensors import ImuReading, draw_bias, read_imu
 from sim_uavs.dynamics.settings import Peer, VehicleConfig
 from sim_uavs.dynamics.vehicles import SensedFlight
@@ -78,8 +78,8 @@ class Autopilot(SensedFlight):
         self._now_us = now_us
         self._suffer(now_us)
         sent += self._delayed_answers(now_us)
-        for asker, message in self._missions.on_time(now_us):
-            sent += [(link.peer, link.packed(message)) for link in self._links if link.peer == asker.peer]
+        for requester, message in self._missions.on_time(now_us):
+            sent += [(link.peer, link.packed(message)) for link in self._links if link.peer == requester.peer]
         return self._through_air(sent, now_us)
 
     def on_bytes(self, data: bytes, peer: Peer, now_us: int) -> Sent:
@@ -168,13 +168,13 @@ class Autopilot(SensedFlight):
         return sent
 
     def _answers(self, message: Message, link: MavlinkLink, now_us: int) -> list[Message]:
-        asker = Asker(link.peer, message.get_srcSystem(), message.get_srcComponent())
+        requester = Requester(link.peer, message.get_srcSystem(), message.get_srcComponent())
         match message.get_msgId():
             case mavlink.MAVLINK_MSG_ID_COMMAND_LONG | mavlink.MAVLINK_MSG_ID_COMMAND_INT:
-                return self._on_command(message, asker, link, now_us)
+                return self._on_command(message, requester, link, now_us)
             case mavlink.MAVLINK_MSG_ID_SET_MODE:
                 result = self._commands.set_custom_mode(message.custom_mode)
-                return [_ack(mavlink.MAVLINK_MSG_ID_SET_MODE, result, asker)]
+                return [_ack(mavlink.MAVLINK_MSG_ID_SET_MODE, result, requester)]
             case mavlink.MAVLINK_MSG_ID_REQUEST_DATA_STREAM if self._persona.on_request:
                 hertz = message.req_message_rate if message.start_stop else 0
                 for kind in STREAM_GROUPS.get(message.req_stream_id, ()):
@@ -197,41 +197,43 @@ class Autopilot(SensedFlight):
             case mavlink.MAVLINK_MSG_ID_TIMESYNC if message.tc1 == 0:
                 return [mavlink.MAVLink_timesync_message(self._snapshot(now_us).boot_ms * 1_000_000, message.ts1)]
             case mavlink.MAVLINK_MSG_ID_PING if message.target_system == 0:
-                return [mavlink.MAVLink_ping_message(message.time_usec, message.seq, asker.system, asker.component)]
+                return [
+                    mavlink.MAVLink_ping_message(message.time_usec, message.seq, requester.system, requester.component)
+                ]
             case mavlink.MAVLINK_MSG_ID_FILE_TRANSFER_PROTOCOL:
-                return [_no_files(message, asker)]
+                return [_no_files(message, requester)]
             case _:
-                return self._on_mission(message, asker, now_us)
+                return self._on_mission(message, requester, now_us)
         return []
 
-    def _on_mission(self, message: Message, asker: Asker, now_us: int) -> list[Message]:
+    def _on_mission(self, message: Message, requester: Requester, now_us: int) -> list[Message]:
         missions = self._missions
         match message.get_msgId():
             case mavlink.MAVLINK_MSG_ID_MISSION_REQUEST_LIST:
-                return missions.on_list(asker, message)
+                return missions.on_list(requester, message)
             case mavlink.MAVLINK_MSG_ID_MISSION_REQUEST_INT | mavlink.MAVLINK_MSG_ID_MISSION_REQUEST:
-                return missions.on_request(asker, message)
+                return missions.on_request(requester, message)
             case mavlink.MAVLINK_MSG_ID_MISSION_COUNT:
-                return missions.on_count(asker, message, now_us)
+                return missions.on_count(requester, message, now_us)
             case mavlink.MAVLINK_MSG_ID_MISSION_CLEAR_ALL:
-                return missions.on_clear(asker, message)
+                return missions.on_clear(requester, message)
             case mavlink.MAVLINK_MSG_ID_MISSION_SET_CURRENT:
                 self.flight.set_item(message.seq)
                 return [BUILDERS[mavlink.MAVLINK_MSG_ID_MISSION_CURRENT](self._snapshot(now_us))]
             case mavlink.MAVLINK_MSG_ID_MISSION_ITEM_INT if message.current in {2, 3}:
                 result = self._commands.go_to_item(message)
-                return [mavlink.MAVLink_mission_ack_message(asker.system, asker.component, result, 0)]
+                return [mavlink.MAVLink_mission_ack_message(requester.system, requester.component, result, 0)]
             case mavlink.MAVLINK_MSG_ID_MISSION_ITEM_INT:
-                return missions.on_item(asker, message, now_us)
+                return missions.on_item(requester, message, now_us)
         return []
 
-    def _on_command(self, message: Message, asker: Asker, link: MavlinkLink, now_us: int) -> list[Message]:
+    def _on_command(self, message: Message, requester: Requester, link: MavlinkLink, now_us: int) -> list[Message]:
         """Its acknowledgement, to the requester; the requested messages come after it."""
         order = read_order(message)
         told: list[Message] = []
         by_int = message.get_msgId() == mavlink.MAVLINK_MSG_ID_COMMAND_INT
         if order.command in self._persona.not_understood or (by_int and not self._persona.takes_command_int):
-            return [_ack(order.command, int(mavlink.MAV_RESULT_UNSUPPORTED), asker)]
+            return [_ack(order.command, int(mavlink.MAV_RESULT_UNSUPPORTED), requester)]
         match order.command:
             case mavlink.MAV_CMD_REQUEST_MESSAGE:
                 told = self._requested(*order.params[:2], now_us)
@@ -249,7 +251,7 @@ class Autopilot(SensedFlight):
             case _:
                 result = self._commands.obey(order)
         is_twice = order.command == mavlink.MAV_CMD_DO_SET_MODE and self._persona.acknowledges_modes_twice
-        return [_ack(order.command, result, asker)] * (2 if is_twice else 1) + told
+        return [_ack(order.command, result, requester)] * (2 if is_twice else 1) + told
 
     def _requested(self, kind: float, index: float, now_us: int) -> list[Message]:
         """The message with this id, now. Of AVAILABLE_MODES one, or all when `index` is 0."""
@@ -310,20 +312,20 @@ class Autopilot(SensedFlight):
         return [mavlink.MAVLink_message_interval_message(int(kind) % 65536 if kind in BUILDERS else 0, interval_us)]
 
 
-def _ack(command: int, result: int, asker: Asker) -> Message:
-    return mavlink.MAVLink_command_ack_message(command, result, 0, 0, asker.system, asker.component)
+def _ack(command: int, result: int, requester: Requester) -> Message:
+    return mavlink.MAVLink_command_ack_message(command, result, 0, 0, requester.system, requester.component)
 
 
 def _spoken(event: Event) -> Message:
-    if isinstance(event, Said):
+    if isinstance(event, StatusText):
         return mavlink.MAVLink_statustext_message(event.severity, event.text.encode()[:50])
     return mavlink.MAVLink_mission_item_reached_message(event.item)
 
 
-def _no_files(message: Message, asker: Asker) -> Message:
+def _no_files(message: Message, requester: Requester) -> Message:
     """This vehicle has no files: every request is refused, so that no station waits."""
     seq, session, opcode = struct.unpack_from("<HBB", bytes(message.payload))
     refusal = struct.pack("<HBBBBBxIB", (seq + 1) % 65536, session, _FTP_NAK, 1, opcode, 0, 0, _FTP_UNKNOWN_COMMAND)
     return mavlink.MAVLink_file_transfer_protocol_message(
-        0, asker.system, asker.component, list(refusal.ljust(251, b"\0"))
+        0, requester.system, requester.component, list(refusal.ljust(251, b"\0"))
     )

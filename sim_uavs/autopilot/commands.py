@@ -11,7 +11,7 @@ from navigation.vehicle import LookAtOrder, MountOrder, PointMountOrder
 from sim_uavs.autopilot.link import Message
 from sim_uavs.autopilot.personas import Persona
 from sim_uavs.autopilot.points import local_point
-from sim_uavs.dynamics.flight import Flight, FlightAnswer, Mode, Said
+from sim_uavs.dynamics.flight import Flight, FlightAnswer, Mode, StatusText
 from sim_uavs.dynamics.quadcopter import Vector
 from sim_uavs.dynamics.slung import Hoist
 
@@ -134,7 +134,7 @@ class Commands:
 
     def _result(self, answer: FlightAnswer) -> int:
         if answer is not FlightAnswer.ACCEPTED:
-            self._flight.events.append(Said(mavlink.MAV_SEVERITY_WARNING, f"Refused: {answer.value}"))
+            self._flight.events.append(StatusText(mavlink.MAV_SEVERITY_WARNING, f"Refused: {answer.value}"))
         return _RESULTS.get(answer, int(mavlink.MAV_RESULT_TEMPORARILY_REJECTED))
 
     @property
@@ -189,7 +189,7 @@ class Commands:
         if answer is FlightAnswer.NOT_GUIDED and self._persona.denies_unguided:
             return FlightAnswer.DENIED
         if answer is FlightAnswer.OUTSIDE_FENCE and self._persona.accepts_outside:
-            self._flight.events.append(Said(mavlink.MAV_SEVERITY_CRITICAL, "Reposition is outside geofence"))
+            self._flight.events.append(StatusText(mavlink.MAV_SEVERITY_CRITICAL, "Reposition is outside geofence"))
             return FlightAnswer.ACCEPTED
         if answer is FlightAnswer.ACCEPTED and isfinite(speed_m_s) and speed_m_s > 0.0:
             self._flight.change_speed(speed_m_s)
@@ -256,7 +256,7 @@ class Commands:
         return FlightAnswer.ACCEPTED
 
     def _say(self, text: str) -> None:
-        self._flight.events.append(Said(mavlink.MAV_SEVERITY_INFO, text))
+        self._flight.events.append(StatusText(mavlink.MAV_SEVERITY_INFO, text))
 
     def _look_at(self, order: FlightOrder) -> FlightAnswer:
         """A place; without one ArduPilot stops looking at any."""

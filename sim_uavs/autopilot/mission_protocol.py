@@ -29,7 +29,7 @@ _PLACED = {
 }
 
 
-class Asker(NamedTuple):
+class Requester(NamedTuple):
     """The requester: the address bytes come from, and the system and component in the frame."""
 
     peer: Peer
@@ -52,7 +52,7 @@ class _Stored(NamedTuple):
 class _Upload(NamedTuple):
     """An upload under way: the items so far, and when the next was last asked for."""
 
-    asker: Asker
+    requester: Requester
     kind: int
     total: int
     stored: tuple[_Stored, ...]
@@ -67,7 +67,7 @@ class Missions:
         self._flight, self._frame, self._persona, self._fence = flight, frame, persona, fence
         self._lists: dict[int, tuple[_Stored, ...]] = {_MISSION: (), _FENCE: _fence_items(fence.areas)}
         self._upload: _Upload | None = None
-        self._last: Asker | None = None
+        self._last: Requester | None = None
         flight.first_item = 1 if persona.home_is_item_0 else 0
 
     @property
@@ -78,35 +78,37 @@ class Missions:
     def deadline_us(self) -> int | None:
         return None if self._upload is None else self._upload.asked_us + _ASK_AGAIN_US
 
-    def on_time(self, now_us: int) -> list[tuple[Asker, Message]]:
+    def on_time(self, now_us: int) -> list[tuple[Requester, Message]]:
         """Ask again for an item that did not come; give up after ten seconds."""
         upload = self._upload
         if upload is None or now_us < upload.asked_us + _ASK_AGAIN_US:
             return []
         if upload.asks >= _MOST_ASKS:
             self._upload = None
-            return [(upload.asker, self._ack(upload.asker, mavlink.MAV_MISSION_OPERATION_CANCELLED, upload.kind))]
-        return [(upload.asker, self._ask(upload, now_us))]
+            return [
+                (upload.requester, self._ack(upload.requester, mavlink.MAV_MISSION_OPERATION_CANCELLED, upload.kind))
+            ]
+        return [(upload.requester, self._ask(upload, now_us))]
 
-    def on_count(self, asker: Asker, message: Message, now_us: int) -> list[Message]:
+    def on_count(self, requester: Requester, message: Message, now_us: int) -> list[Message]:
         """The start of an upload; a repeated start restarts it."""
         kind = message.mission_type
         if kind not in self._lists:
-            return [self._ack(asker, mavlink.MAV_MISSION_UNSUPPORTED, kind)]
+            return [self._ack(requester, mavlink.MAV_MISSION_UNSUPPORTED, kind)]
         if message.count > _MOST_ITEMS:
-            return [self._ack(asker, mavlink.MAV_MISSION_NO_SPACE, kind)]
-        if self._upload is not None and self._upload.asker != asker:
-            return [self._ack(asker, mavlink.MAV_MISSION_DENIED, kind)]
+            return [self._ack(requester, mavlink.MAV_MISSION_NO_SPACE, kind)]
+        if self._upload is not None and self._upload.requester != requester:
+            return [self._ack(requester, mavlink.MAV_MISSION_DENIED, kind)]
         if message.count == 0:
-            return self.on_clear(asker, message)
-        return [self._ask(_Upload(asker, kind, message.count, (), now_us, 0), now_us)]
+            return self.on_clear(requester, message)
+        return [self._ask(_Upload(requester, kind, message.count, (), now_us, 0), now_us)]
 
-    def on_item(self, asker: Asker, message: Message, now_us: int) -> list[Message]:
+    def on_item(self, requester: Requester, message: Message, now_us: int) -> list[Message]:
         upload, kind = self._upload, message.mission_type
-        if upload is None or upload.asker != asker or upload.kind != kind:
-            done = asker == self._last and message.seq == len(self._lists.get(kind, ())) - 1
+        if upload is None or upload.requester != requester or upload.kind != kind:
+            done = requester == self._last and message.seq == len(self._lists.get(kind, ())) - 1
             result = mavlink.MAV_MISSION_ACCEPTED if done else mavlink.MAV_MISSION_INVALID_SEQUENCE
-            return [self._ack(asker, result, kind)]
+            return [self._ack(requester, result, kind)]
         if message.seq != len(upload.stored):
             return [self._ask(upload, now_us)]
         params = (message.param1, message.param2, message.param3, message.param4)
@@ -116,31 +118,33 @@ class Missions:
             return [self._ask(upload, now_us)]
         self._upload = None
         take = self._take_fence if kind == _FENCE else self._take
-        return [self._ack(asker, take(asker, upload.stored), kind)]
+        return [self._ack(requester, take(requester, upload.stored), kind)]
 
-    def on_clear(self, asker: Asker, message: Message) -> list[Message]:
+    def on_clear(self, requester: Requester, message: Message) -> list[Message]:
         if message.mission_type in {_MISSION, mavlink.MAV_MISSION_TYPE_ALL}:
             self._upload, self._lists[_MISSION], self._flight.items = None, (), ()
         if message.mission_type in {_FENCE, mavlink.MAV_MISSION_TYPE_ALL}:
             self._upload, self._lists[_FENCE] = None, ()
             self._fence.take(())
-        return [self._ack(asker, mavlink.MAV_MISSION_ACCEPTED, message.mission_type)]
+        return [self._ack(requester, mavlink.MAV_MISSION_ACCEPTED, message.mission_type)]
 
-    def on_list(self, asker: Asker, message: Message) -> list[Message]:
+    def on_list(self, requester: Requester, message: Message) -> list[Message]:
         count = len(self._lists.get(message.mission_type, ()))
-        return [mavlink.MAVLink_mission_count_message(asker.system, asker.component, count, message.mission_type)]
+        return [
+            mavlink.MAVLink_mission_count_message(requester.system, requester.component, count, message.mission_type)
+        ]
 
-    def on_request(self, asker: Asker, message: Message) -> list[Message]:
+    def on_request(self, requester: Requester, message: Message) -> list[Message]:
         kind = message.mission_type
         stored = self._lists.get(kind, ())
         if message.seq >= len(stored):
-            return [self._ack(asker, mavlink.MAV_MISSION_INVALID_SEQUENCE, kind)]
+            return [self._ack(requester, mavlink.MAV_MISSION_INVALID_SEQUENCE, kind)]
         s = stored[message.seq]
         current = int(kind == _MISSION and message.seq == self._flight.progress.item)
         return [
             mavlink.MAVLink_mission_item_int_message(
-                asker.system,
-                asker.component,
+                requester.system,
+                requester.component,
                 message.seq,
                 s.frame,
                 s.command,
@@ -156,14 +160,14 @@ class Missions:
 
     def _ask(self, upload: _Upload, now_us: int) -> Message:
         self._upload = upload._replace(asked_us=now_us, asks=upload.asks + 1)
-        seq, asker = len(upload.stored), upload.asker
-        return mavlink.MAVLink_mission_request_int_message(asker.system, asker.component, seq, upload.kind)
+        seq, requester = len(upload.stored), upload.requester
+        return mavlink.MAVLink_mission_request_int_message(requester.system, requester.component, seq, upload.kind)
 
     @staticmethod
-    def _ack(asker: Asker, result: int, mission_type: int = _MISSION) -> Message:
-        return mavlink.MAVLink_mission_ack_message(asker.system, asker.component, result, mission_type)
+    def _ack(requester: Requester, result: int, mission_type: int = _MISSION) -> Message:
+        return mavlink.MAVLink_mission_ack_message(requester.system, requester.component, result, mission_type)
 
-    def _take(self, asker: Asker, stored: tuple[_Stored, ...]) -> int:
+    def _take(self, requester: Requester, stored: tuple[_Stored, ...]) -> int:
         """Store a whole mission, or none of it when an item cannot be flown."""
         items = []
         for index, one in enumerate(stored):
@@ -171,17 +175,17 @@ class Missions:
             if isinstance(item, int):
                 return item
             items.append(item)
-        self._lists[_MISSION], self._last = stored, asker
+        self._lists[_MISSION], self._last = stored, requester
         self._flight.items = tuple(items)
         self._flight.set_item(min(self._flight.first_item, len(items) - 1))
         return int(mavlink.MAV_MISSION_ACCEPTED)
 
-    def _take_fence(self, asker: Asker, stored: tuple[_Stored, ...]) -> int:
+    def _take_fence(self, requester: Requester, stored: tuple[_Stored, ...]) -> int:
         """Keep to a whole fence, or to the one before when there is something wrong with it."""
         areas, problems = read_areas([FenceItem(s.command, s.params[0], s.x, s.y) for s in stored])
         if problems:
             return int(mavlink.MAV_MISSION_INVALID)
-        self._lists[_FENCE], self._last = stored, asker
+        self._lists[_FENCE], self._last = stored, requester
         self._fence.take(areas)
         return int(mavlink.MAV_MISSION_ACCEPTED)
 

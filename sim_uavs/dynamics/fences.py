@@ -10,7 +10,7 @@ from typing import Final, NamedTuple
 from navigation.fences import FenceArea, FenceKind
 from navigation.geodesy import LocalFrame
 from navigation.vehicle import FenceReport
-from sim_uavs.dynamics.flight import Flight, Mode, Said
+from sim_uavs.dynamics.flight import Flight, Mode, StatusText
 from sim_uavs.dynamics.quadcopter import Vector
 from sim_uavs.dynamics.settings import PersonaName
 
@@ -84,7 +84,7 @@ class FlightFence:
         before, self._is_breached = self._is_breached, flight.airborne and self.is_outside(flight.body.position)
         if not self._is_breached or before or not flight.armed:
             return
-        flight.events.append(Said(2, "Geofence violation" if self._is_px4 else "Fence breached"))
+        flight.events.append(StatusText(2, "Geofence violation" if self._is_px4 else "Fence breached"))
         action = int(flight.settings.fence_on)
         mode = _PX4_MODES.get(action) if self._is_px4 else Mode.RTL
         if mode is not None and flight.mode not in {mode, Mode.LAND}:

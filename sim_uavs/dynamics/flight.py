@@ -83,7 +83,7 @@ class Drifting(NamedTuple):
 Target: TypeAlias = GoingTo | Drifting
 
 
-class Said(NamedTuple):
+class StatusText(NamedTuple):
     """A text for the operator; MAVLink severities (2 critical, 4 warning, 6 info)."""
 
     severity: int
@@ -96,7 +96,7 @@ class Reached(NamedTuple):
     item: int
 
 
-Event: TypeAlias = Said | Reached
+Event: TypeAlias = StatusText | Reached
 
 
 class Flight:
@@ -358,7 +358,7 @@ class Flight:
         following = self.progress.item + 1
         if following >= len(self.items):
             self.progress = self.progress._replace(complete=True)
-            self.events.append(Said(6, "Mission complete"))
+            self.events.append(StatusText(6, "Mission complete"))
             self.set_mode(Mode.GUIDED)
         else:
             self.progress = MissionProgress(following)
@@ -379,16 +379,16 @@ class Flight:
         if self.armed and not self.taking_off and self.at_us - self._grounded_us >= waits_us:
             self.armed, self.target = False, None
             self.mode = self._rest_mode or self.mode
-            self.events.append(Said(6, "Landed, disarmed" if self._flew else "Disarmed: idle on the ground"))
+            self.events.append(StatusText(6, "Landed, disarmed" if self._flew else "Disarmed: idle on the ground"))
 
     def _watch_battery(self) -> None:
         charge = self.body.charge
         if charge <= self.settings.battery_low and not self._warned:
             self._warned = True
-            self.events.append(Said(4, f"Battery low: {charge:.0%}"))
+            self.events.append(StatusText(4, f"Battery low: {charge:.0%}"))
             action = _ON_LOW_BATTERY.get(int(self.settings.battery_low_action))
             if action is not None and self.airborne and self.armed and self.mode not in {Mode.LAND, action}:
                 self.set_mode(action)
         if charge <= self.settings.battery_critical and self.airborne and self.armed and self.mode is not Mode.LAND:
-            self.events.append(Said(2, f"Battery critical: {charge:.0%}, landing"))
+            self.events.append(StatusText(2, f"Battery critical: {charge:.0%}, landing"))
             self.set_mode(Mode.LAND)

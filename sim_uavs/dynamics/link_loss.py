@@ -13,7 +13,7 @@ from enum import Enum, auto
 from typing import Final
 
 from navigation.vehicle import FailsafeReport, LinkLossAction
-from sim_uavs.dynamics.flight import Flight, GoingTo, Mode, Said
+from sim_uavs.dynamics.flight import Flight, GoingTo, Mode, StatusText
 from sim_uavs.dynamics.settings import PersonaName
 
 _A = LinkLossAction
@@ -162,4 +162,4 @@ class LinkFailsafe:
             self._perform(_PX4_OFFBOARD.get(int(settings.offboard_loss_action), _A.LAND))
 
     def _say(self, text: str, severity: int) -> None:
-        self._flight.events.append(Said(severity, text))
+        self._flight.events.append(StatusText(severity, text))

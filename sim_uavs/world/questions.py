@@ -8,17 +8,17 @@ from sim_uavs.world.agenda import Agenda
 from sim_uavs.world.routes import DeclaredRoutes
 from sim_uavs.world.sessions import Direction, Session, Transport
 
-NOBODY_US = 100
+UNANSWERED_US = 100
 """How long it takes to notice that there is no recipient."""
 
 
 class WorldQuestion:
     """One question of one session; `open` are the asks of it that have not ended."""
 
-    __slots__ = ("asker", "number", "open")
+    __slots__ = ("number", "open", "requester")
 
-    def __init__(self, asker: Session, number: int) -> None:
-        self.asker, self.number = asker, number
+    def __init__(self, requester: Session, number: int) -> None:
+        self.requester, self.number = requester, number
         self.open: dict[int, AskOf] = {}
 
 
@@ -50,25 +50,25 @@ class Questions:
     def __len__(self) -> int:
         return len(self._open)
 
-    def of(self, asker: Session) -> list[WorldQuestion]:
-        return [question for question in self._open.values() if question.asker is asker]
+    def of(self, requester: Session) -> list[WorldQuestion]:
+        return [question for question in self._open.values() if question.requester is requester]
 
-    def ask(self, asker: Session, effect: Ask) -> None:
+    def ask(self, requester: Session, effect: Ask) -> None:
         """Ask every session whose queryable matches; those out of reach keep the requester waiting."""
-        question = self._open[asker.number, effect.question] = WorldQuestion(asker, effect.question)
+        question = self._open[requester.number, effect.question] = WorldQuestion(requester, effect.question)
         recipients = self._recipients.get(effect.key)
         if recipients is None:
             recipients = self._recipients[effect.key] = tuple(self._queryables.matching(effect.key))
         for session in recipients:
-            transport = asker.transports.get(session.number)
+            transport = requester.transports.get(session.number)
             if transport is not None and transport.up:
                 self._asks += 1
-                direction = transport.direction(asker)
+                direction = transport.direction(requester)
                 asked = AskOf(self._asks, question, transport, transport.direction(session))
                 self._asked[asked.ask] = question.open[asked.ask] = asked
                 if direction.passes:
                     self._send(direction, 0, direction.to.take, Asked, effect.payload, asked.ask, effect.key)
-        wait_us = effect.timeout_us if question.open else NOBODY_US
+        wait_us = effect.timeout_us if question.open else UNANSWERED_US
         self._agenda.at(self._agenda.now_us + wait_us, self.end, question)
 
     def declare(self, session: Session, key_expr: str) -> None:
@@ -97,7 +97,7 @@ class Questions:
     def _answered(self, asked: AskOf, key: str, payload: bytes) -> None:
         question = asked.question
         if asked.ask in question.open:
-            question.asker.take(Answered, payload, question.number, key)
+            question.requester.take(Answered, payload, question.number, key)
 
     def _ended(self, asked: AskOf) -> None:
         question = asked.question
@@ -107,26 +107,26 @@ class Questions:
 
     def end(self, question: WorldQuestion) -> None:
         """No more answers: all ended, the time is over, or the session closes."""
-        if self._open.pop((question.asker.number, question.number), None) is None:
+        if self._open.pop((question.requester.number, question.number), None) is None:
             return
         for ask in question.open:
             self._asked.pop(ask, None)
         question.open.clear()
-        asker = question.asker
-        if asker.alive:
-            asker.post(AskEnded(question.number, asker.now_us()))
+        requester = question.requester
+        if requester.alive:
+            requester.post(AskEnded(question.number, requester.now_us()))
 
     def down(self, transport: Transport) -> None:
         """End the questions over a transport that is down."""
         for asked in [asked for asked in self._asked.values() if asked.transport is transport]:
             self._ended(asked)
 
-    def forget(self, asker: Session) -> None:
+    def forget(self, requester: Session) -> None:
         """Forget a closed session as requester and as recipient."""
-        for key_expr in asker.queryables:
-            self._queryables.discard(asker, key_expr)
+        for key_expr in requester.queryables:
+            self._queryables.discard(requester, key_expr)
         self._recipients.clear()
-        for question in self.of(asker):
+        for question in self.of(requester):
             for ask in question.open:
                 self._asked.pop(ask, None)
-            del self._open[asker.number, question.number]
+            del self._open[requester.number, question.number]

@@ -99,7 +99,7 @@ class Wire:
                 self._end(transport)
             else:
                 self._silence(transport, outgoing)
-        self._bury(session)
+        self._end_dying(session)
 
     def freeze(self, unit: str) -> None:
         """The process stands still, its kernel continues: messages to it wait, it sends none."""
@@ -278,9 +278,9 @@ class Wire:
         for session in (transport.one, transport.other):
             if not session.alive:
                 transport.part()
-                self._bury(session)
+                self._end_dying(session)
 
-    def _bury(self, session: Session) -> None:
+    def _end_dying(self, session: Session) -> None:
         if not session.transports:
             self._dying.pop(session.number, None)
 

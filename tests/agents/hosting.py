@@ -3,7 +3,7 @@
 from collections.abc import Iterable
 from dataclasses import dataclass, field
 
-from agents.effects import DropHost, HostCame, HostEffect, HostLeft, HostSaid, TellHost
+from agents.effects import DropHost, HostCame, HostEffect, HostLeft, HostMessage, TellHost
 from agents.hosts.host_desk import HostDesk
 from agents.hosts.knowledge_host import KnowledgeHost, Read
 from agents.hosts.outbox import Outbox
@@ -119,7 +119,7 @@ class Site:
                 guest.work(self.now_us)
                 for payload in guest.outbox.take():
                     busy = True
-                    self.desk.on_event(HostSaid(self.now_us, guest.number, payload), self.now_us)
+                    self.desk.on_event(HostMessage(self.now_us, guest.number, payload), self.now_us)
 
     def perform(self, effects: Iterable[HostEffect]) -> bool:
         told = False
@@ -150,7 +150,7 @@ class Site:
         from federation.hosts.codec import encode
         from federation.hosts.messages import Beat
 
-        self.desk.on_event(HostSaid(self.now_us, guest.number, encode(Beat(0))), self.now_us)
+        self.desk.on_event(HostMessage(self.now_us, guest.number, encode(Beat(0))), self.now_us)
         self.settle()
 
     def values(self, name: str) -> list[object]:

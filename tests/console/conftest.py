@@ -40,7 +40,7 @@ def world(monkeypatch: pytest.MonkeyPatch) -> Box:
     found = Box()
     for number in range(3):
         found.fly(str(number), 0.0, 200.0 * number, 2.0)
-    monkeypatch.setattr(client, "_surroundings", lambda _call: found.surroundings())
+    monkeypatch.setattr(client, "_client_ports", lambda _call: found.client_ports())
     found.run(2.0)
     return found
 

@@ -58,7 +58,7 @@ def test_ls_finds_nobody_in_an_empty_federation(call: Call, lines: Lines, monkey
     from console.commands.members.ls import ls
 
     empty = Box()
-    monkeypatch.setattr(client, "_surroundings", lambda _call: empty.surroundings())
+    monkeypatch.setattr(client, "_client_ports", lambda _call: empty.client_ports())
     began_us = empty.now_us
     assert ls(call, all_kinds=False) == NO
     assert lines() == []
@@ -71,8 +71,8 @@ def test_an_endpoint_that_cannot_be_reached_is_named_where_no_platform_is(
     from console.commands.members.ls import ls
 
     why = "connection refused by tcp/127.0.0.1:1: nothing listens there"
-    around = Box().surroundings()._replace(trouble=lambda: [why])
-    monkeypatch.setattr(client, "_surroundings", lambda _call: around)
+    around = Box().client_ports()._replace(trouble=lambda: [why])
+    monkeypatch.setattr(client, "_client_ports", lambda _call: around)
     assert ls(Call(Settings(federation="test"), Output(json_lines=False)), all_kinds=False) == NO
     assert why in capsys.readouterr().err
 
@@ -325,7 +325,7 @@ def test_a_stream_off_the_grid_is_watched_at_its_own_instants_and_the_cause_is_t
 
     world = Box()
     world.add("3", PlatformConfig("3", 0, clock=world.clock, vehicle=False))
-    monkeypatch.setattr(client, "_surroundings", lambda _call: world.surroundings())
+    monkeypatch.setattr(client, "_client_ports", lambda _call: world.client_ports())
     world.specify(
         "3", "source position gps\nstrmgen pos[self] = gps\nexport heli-position = pos[self] with sample every 100\n"
     )
@@ -550,7 +550,7 @@ def test_alarms_are_told_as_they_happen_and_remembered(
     world = Box()
     world.fly("0", -60.0, 0.0, 5.0)
     world.fly("1", 60.0, 3.0, -5.0)
-    monkeypatch.setattr(client, "_surroundings", lambda _call: world.surroundings())
+    monkeypatch.setattr(client, "_client_ports", lambda _call: world.client_ports())
     world.run(1.5)
     _delegated(call, lines)
     assert alarms(call, follow=True, count=4) == DONE
@@ -575,7 +575,7 @@ def test_an_alarm_says_what_it_is_about_in_which_units_and_whether_it_is_still_o
     world = Box()
     world.fly("0", 0.0, 0.0)
     world.fly("1", 0.0, 5.0)
-    monkeypatch.setattr(client, "_surroundings", lambda _call: world.surroundings())
+    monkeypatch.setattr(client, "_client_ports", lambda _call: world.client_ports())
     world.run(1.5)
     _delegated(call, lines)
     world.run(3.0)
@@ -718,7 +718,7 @@ def test_a_monitor_without_another_platform_to_watch_says_so(
 
     world = Box()
     world.fly("0", 0.0, 0.0)
-    monkeypatch.setattr(client, "_surroundings", lambda _call: world.surroundings())
+    monkeypatch.setattr(client, "_client_ports", lambda _call: world.client_ports())
     world.run(2.0)
     _delegated(call, lines)
     world.run(1.0)
@@ -836,7 +836,7 @@ def test_a_formula_about_what_never_had_a_value_is_noted(
     world = Box()
     world.lacking.add(BatteryReport)
     world.fly("0", 0.0, 0.0)
-    monkeypatch.setattr(client, "_surroundings", lambda _call: world.surroundings())
+    monkeypatch.setattr(client, "_client_ports", lambda _call: world.client_ports())
     assert check(call, "always speed[self] < 1000", trace=None, unit="0", timeout="1s") == DONE
     assert capsys.readouterr().err == ""
     assert check(call, "always battery[self] > 0", trace=None, unit="0", timeout="1s") == DONE
@@ -865,7 +865,7 @@ def test_a_federation_with_a_faster_clock_is_understood(
     world = Box(clock=FederationClock(EPOCH - 5_000_000, 10.0))
     world.fly("0", 0.0, 0.0)
     world.fly("1", 0.0, 300.0)
-    monkeypatch.setattr(client, "_surroundings", lambda _call: world.surroundings())
+    monkeypatch.setattr(client, "_client_ports", lambda _call: world.client_ports())
     world.run(2.0)
     assert ls(call, all_kinds=False) == DONE
     assert [entry["state"] for entry in lines()] == ["alive", "alive"]

@@ -141,8 +141,8 @@ def _named(path: tuple[Any, ...]) -> str:
     return next(str(step) for step in reversed(path) if isinstance(step, str))
 
 
-def _surroundings(world: Box, _call: Any) -> Any:
-    return world.surroundings()
+def _client_ports(world: Box, _call: Any) -> Any:
+    return world.client_ports()
 
 
 def commanding(text: str) -> list[str]:
@@ -159,7 +159,7 @@ def test_no_command_obeys_what_platforms_say(
     fed, shown = set(), ""
     for session in SESSIONS:
         hostile = HostileWorld(worlds()[session["world"]]())
-        monkeypatch.setattr(client, "_surroundings", partial(_surroundings, hostile.world))
+        monkeypatch.setattr(client, "_client_ports", partial(_client_ports, hostile.world))
         for step in session["steps"]:
             if "run" in step:
                 shown += run(step["run"], hostile.world, capsys, monkeypatch)
@@ -167,7 +167,7 @@ def test_no_command_obeys_what_platforms_say(
                 hostile.world.run(step["seconds"])
         fed |= hostile.fed
     hostile = HostileWorld(worlds()["three"]())
-    monkeypatch.setattr(client, "_surroundings", partial(_surroundings, hostile.world))
+    monkeypatch.setattr(client, "_client_ports", partial(_client_ports, hostile.world))
     hostile.world.agenda.at(hostile.world.now_us + 2_000_000, hostile.world.kill, "0")
     shown += run(["delegate", "monitor-proximity", "--to", "0", "--wait"], hostile.world, capsys, monkeypatch)
     fed |= hostile.fed
@@ -197,7 +197,7 @@ def test_a_stream_of_words_is_watched_as_plain_text(
     monkeypatch.setenv("XDG_RUNTIME_DIR", str(tmp_path))
     monkeypatch.setenv("COLUMNS", "300")
     world = worlds()["three"]()
-    monkeypatch.setattr(client, "_surroundings", partial(_surroundings, world))
+    monkeypatch.setattr(client, "_client_ports", partial(_client_ports, world))
     put = world.wire._perform[Put]
 
     def spoilt(session: Any, effect: Put) -> None:

@@ -87,7 +87,7 @@ class Player:
         self._capsys, self._monkeypatch = capsys, monkeypatch
         self._conversation = ""
         if self.world is not None:
-            monkeypatch.setattr(client, "_surroundings", lambda _call: self.world.surroundings())
+            monkeypatch.setattr(client, "_client_ports", lambda _call: self.world.client_ports())
 
     def run(self, step: dict[str, Any]) -> dict[str, Any]:
         """The step with the lines and the code that the command has now."""

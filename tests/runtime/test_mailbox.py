@@ -7,7 +7,7 @@ import pytest
 from hypothesis import given
 from hypothesis import strategies as st
 
-from agents.effects import HostCame, HostEvent, HostLeft, HostSaid, Reported
+from agents.effects import HostCame, HostEvent, HostLeft, HostMessage, Reported
 from federation.transport import (
     Answered,
     Arrived,
@@ -129,7 +129,7 @@ def test_what_hosts_say_is_never_lost_since_the_door_lets_only_so_much_in(monkey
     box = a_mailbox()
     for number in range(200):
         box.post(sample(number, f"x/{number}/heli-position/0123abcd"))
-    said = [HostCame(1, 1), *(HostSaid(2, 1, bytes([n])) for n in range(200)), HostLeft(3, 1)]
+    said = [HostCame(1, 1), *(HostMessage(2, 1, bytes([n])) for n in range(200)), HostLeft(3, 1)]
     for event in said:
         box.post(event)
     assert [event for event in emptied(box) if isinstance(event, HostEvent)] == said

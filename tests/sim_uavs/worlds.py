@@ -55,7 +55,7 @@ class WatchedWorld(World):
             monitors.create,
             monitors.remove,
             monitors.join,
-            monitors.doubt,
+            monitors.suspect,
             monitors.leave,
         )
 

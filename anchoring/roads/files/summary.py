@@ -46,7 +46,7 @@ class RoadSummary(NamedTuple):
     both_ways: int
     hidden_links: tuple[str, ...]
 
-    def remarks(self) -> tuple[RoadProblem, ...]:
+    def warnings(self) -> tuple[RoadProblem, ...]:
         """Warnings of ways and links on which turns cannot be recognised."""
         if self.hidden_turns:
             named = ", ".join(map(repr, self.hidden_links[:_MOST_NAMED]))

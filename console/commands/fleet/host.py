@@ -56,7 +56,7 @@ def host(
         with interruptible():
             HostProcess(runs, hosts_of(call, unit), say).run()
     except EndpointFailed:
-        raise _nobody(call, unit) from None
+        raise _no_platform(call, unit) from None
     except Refused as refused:
         raise WrongCall(
             f"platform {unit} does not take {module}: {refused}. Give it another name (`name=` in its decorator), "
@@ -80,7 +80,7 @@ def _offered(module: str) -> Iterable[Prototype]:
     return found
 
 
-def _nobody(call: Call, unit: str) -> NothingFound:
+def _no_platform(call: Call, unit: str) -> NothingFound:
     """No such platform; the message names those that run here."""
     here = hosts_of(call, unit)
     running = sorted(path.stem for path in here.parent.glob(f"*{here.suffix}") if _answers(path))

@@ -18,7 +18,7 @@ from runtime.configuration.instants import clock_time
 from runtime.library.alarm_news import AlarmItem, AlarmNews
 from runtime.library.jobs import lists, tasks
 from runtime.library.jobs import monitors as all_monitors
-from runtime.library.questions import ask_who_is_missing, gone_text, missing_units
+from runtime.library.questions import gone_text, missing_units, query_missing
 from runtime.library.results import PlatformChange
 
 _STEP_S = 0.2
@@ -238,7 +238,7 @@ def tell_unknown(call: Call, client: Client, found: list[MonitorEntry]) -> None:
     """How many monitors are unknown, which platforms are gone with theirs, and which lack one that is delegated for all."""
     unknown = sum(monitor.shows == "unknown" for monitor in found)
     there = [view.unit for view in client.centre.platforms()]
-    gone = client.run(missing_units(there, ask_who_is_missing(client, there)))
+    gone = client.run(missing_units(there, query_missing(client, there)))
     for unit, ago_us in gone.items():
         if call.out.json_lines:
             call.out.line({"by": unit_json(unit), "error": gone_text(ago_us)})

@@ -9,7 +9,7 @@ from console.command import Call, command
 from console.errors import DONE, NO
 from console.output.output import unit_json
 from console.output.shown import styled
-from federation.messages.contents import ImportAccount, ImportList
+from federation.messages.contents import ImportCounts, ImportList
 from runtime.library.jobs import lists
 
 
@@ -48,15 +48,15 @@ def imports(
     return DONE if found else NO
 
 
-def _gaps(one: ImportAccount) -> tuple[Any, Any]:
+def _gaps(one: ImportCounts) -> tuple[Any, Any]:
     return tuple(styled(str(count), "red") if count else "0" for count in (one.missing, one.lost))  # type: ignore[return-value]
 
 
-def _how_often(one: ImportAccount) -> Any:
+def _how_often(one: ImportCounts) -> Any:
     return "all" if one.every == 1 else styled(f"one of {one.every}", "yellow")
 
 
-def _record(receiver: str, one: ImportAccount) -> dict[str, Any]:
+def _record(receiver: str, one: ImportCounts) -> dict[str, Any]:
     """One stream, for `--json`."""
     return {
         "unit": unit_json(receiver),

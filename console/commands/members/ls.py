@@ -68,7 +68,7 @@ def _list(call: Call, client: Client, *, all_kinds: bool, long: bool, clears: bo
         for record in records:
             call.out.line(record)
     elif not records:
-        call.out.note(client.nobody())
+        call.out.note(client.no_platform())
     elif long:
         show(call, records, client.now_us())
     else:

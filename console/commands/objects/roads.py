@@ -31,7 +31,7 @@ def check(
     text = read_bytes(file, "FILE")
     survey = survey_any(text)
     summary = None if survey.network is None else summary_of(survey.network)
-    problems = survey.problems if summary is None else (*survey.problems, *summary.remarks())
+    problems = survey.problems if summary is None else (*survey.problems, *summary.warnings())
     for problem in problems:
         _show(call, str(file), problem)
     errors = sum(each.severity == "error" for each in problems)

@@ -64,7 +64,7 @@ def check(
 
 
 def _over_trace(call: Call, text: str, path: Path, plot: Path | None = None) -> int:
-    from kpl import Vocabulary, print_formula, read_formula, remarks
+    from kpl import Vocabulary, lint, print_formula, read_formula
     from kpl import check as resolve
     from reasoning import follow_trace, read_trace, remaining, required_labels, trace_domains
 
@@ -105,8 +105,8 @@ def _over_trace(call: Call, text: str, path: Path, plot: Path | None = None) -> 
     ]
     code = _told(call, verdict, t_ms, index, reasons=reasons, left=left)
     if verdict == "false" and not call.out.json_lines:
-        for remark in remarks(formula):
-            call.out.note(f"note: {remark.message}: {remark.repair}")
+        for warning in lint(formula):
+            call.out.note(f"note: {warning.message}: {warning.repair}")
     return code
 
 

@@ -89,9 +89,10 @@ class Search(parts.Content):
     semantic_label: SemanticLabel | None = None
 
 
-class Found(parts.Content):
+class SearchResult(parts.Content):
     """Those platforms. `missing_units` are gone without a good-bye, `missing_since` when they were last heard there."""
 
+    head = "found"
     agents: Annotated[tuple[parts.Agent, ...], Field(max_length=parts.MAX_LIST)]
     missing_units: parts.Units = ()
     missing_since: Annotated[tuple[parts.Instant, ...], Field(max_length=parts.MAX_LIST)] = ()

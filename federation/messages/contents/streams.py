@@ -192,8 +192,8 @@ class Answers(parts.Content):
     more: bool = False
 
 
-class ImportAccount(parts.ContentPart):
-    """The counts of the samples of one imported stream, by number (`federation.sharing.streams.StreamAccount`).
+class ImportCounts(parts.ContentPart):
+    """The counts of the samples of one imported stream, by number (`federation.sharing.streams.StreamCounts`).
 
     `missing` are known to exist and asked for, `lost` are no longer held; both 0: no gap. Of each `every` samples of its
     period one is sent: more than 1 while the owner has too much to do. `delay_s` is from the valid time of the newest to its
@@ -216,5 +216,5 @@ class ImportAccount(parts.ContentPart):
 class ImportList(parts.Content):
     """The streams a platform imports: the query is without `imports`, the answer with them."""
 
-    imports: Annotated[tuple[ImportAccount, ...], Field(max_length=parts.MAX_LIST)] | None = None
+    imports: Annotated[tuple[ImportCounts, ...], Field(max_length=parts.MAX_LIST)] | None = None
     more: bool = False

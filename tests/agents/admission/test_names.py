@@ -7,7 +7,7 @@ from agents.directory.directory import JOINING_US
 from agents.effects import Halt, Note
 from agents.platform import Platform
 from federation import keys
-from federation.members.member import TWINS
+from federation.members.member import DUPLICATES
 from federation.messages.codec import Heartbeat, encode_description, encode_heartbeat
 from federation.messages.descriptions import Description
 from federation.transport import Arrived
@@ -47,7 +47,7 @@ def test_names_by_the_thousand_cost_no_memory() -> None:
     platform = Platform(PlatformConfig("1", boot=20), NOW_US - JOINING_US)
     for boot in range(1000, 3000):
         heard(platform, boot, seconds=0.2)
-    assert len(platform.ports.member._twins) == TWINS
+    assert len(platform.ports.member._duplicates) == DUPLICATES
 
 
 @pytest.mark.parametrize("signed", [True, False], ids=["roster", "open"])

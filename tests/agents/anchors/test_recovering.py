@@ -69,7 +69,7 @@ def test_in_case_5_the_requester_is_asked_for_what_discriminates_and_the_answer_
     question = field.entry().question
     assert question is not None
     wrong = AnswerQuestion(mission="anchor-suspect", number=question.number, answer="26")
-    assert said(field.ask(wrong))[-1] == ("refuse", "'26' is no answer; answers are 25, 5")
+    assert said(field.ask(wrong))[-1] == ("refuse", "expected one of 25, 5, got '26'")
     late = wrong.model_copy(update={"number": question.number + 1, "answer": "25"})
     assert said(field.ask(late))[-1][0] == "refuse"
     field.ask(wrong.model_copy(update={"answer": "25"}))
@@ -80,9 +80,9 @@ def test_in_case_5_the_requester_is_asked_for_what_discriminates_and_the_answer_
 @pytest.mark.parametrize(
     ("description", "reason"),
     [
-        ('eventually[0, 5s] colour[suspect] = "red"', "looking again is for properties compared with values"),
+        ('eventually[0, 5s] colour[suspect] = "red"', "expected properties compared with values"),
         ("speed[suspect] > 5 and speed[suspect] < 2", "nothing could match"),
-        ('colour[suspect] < "red"', "only numbers are greater or less"),
+        ('colour[suspect] < "red"', "description: <: expected a number, got 'red'"),
     ],
 )
 def test_a_description_that_is_none_of_properties_is_refused(description: str, reason: str) -> None:

@@ -100,7 +100,7 @@ def test_what_is_shared_is_changed_while_it_runs_by_level_or_by_bandwidth():
     assert handover.levels["1"] in {"events", "relations"}
     federation.share(kbit_s=0)
     assert handover.levels == {"1": "states"}
-    assert "offers" in federation.share(level="percepts").trouble
+    assert "expected none or events, relations, states" in federation.share(level="percepts").trouble
     assert "shares nothing" in federation.share(level="events", unit="7").trouble
 
 

@@ -11,12 +11,12 @@ from federation.messages.codec import decode_heartbeat
 from federation.messages.contents import (
     Answers,
     Content,
-    Found,
     Query,
     QueryStream,
     Reason,
     Samples,
     Search,
+    SearchResult,
     StreamSamples,
 )
 from tests.box import Box, Question, Vehicle
@@ -251,7 +251,7 @@ def missing(wire: Box, eight: list[str]) -> Callable[[], tuple[str, ...]]:
 
     def asked() -> tuple[str, ...]:
         (found,) = wire.asked("cc", "0", Search(), P.QUERY_REF).contents
-        assert isinstance(found, Found)
+        assert isinstance(found, SearchResult)
         return found.missing_units
 
     return asked

@@ -67,7 +67,8 @@ def test_a_node_loads_what_its_configuration_names() -> None:
 
 
 @pytest.mark.parametrize(
-    ("name", "why"), [("tests.nothing", "there is no module"), ("tests.agents.conftest", "is no extension")]
+    ("name", "why"),
+    [("tests.nothing", "there is no module"), ("tests.agents.conftest", "expected a module with PARTS")],
 )
 def test_what_is_no_extension_is_refused_with_the_reason(name: str, why: str) -> None:
     with pytest.raises(UnitError, match=why):

@@ -127,7 +127,7 @@ def test_over_a_dead_link_resume_is_refused_and_what_was_interrupted_remains(wir
 
 def test_resume_of_a_plan_that_is_over_is_not_done(wire: Box) -> None:
     flying(wire, plan=FlightPlan((Waypoint(58.0, 15.0, 100.0),)))
-    assert answers(wire, Resume()) == [(P.REFUSE, "the plan is over")]
+    assert answers(wire, Resume()) == [(P.REFUSE, "the plan is over: order a place (dyknow delegate goto)")]
 
 
 def test_what_was_ordered_is_ended_by_resume_and_nothing_else_is(wire: Box) -> None:

@@ -89,7 +89,7 @@ RULES = pytest.mark.parametrize(
     ("breaks", "words"),
     [
         (no_control, "not given control"),
-        (no_status, "not said in what state"),
+        (no_status, "not reported its state"),
         (not_armed, "not armed"),
         (not_airborne, "not airborne"),
         (perhaps_airborne, "not airborne"),

@@ -36,7 +36,7 @@ def test_what_is_within_is_allowed_and_holding_and_landing_have_no_place(bounds:
 @pytest.mark.parametrize("field", ["latitude_deg", "longitude_deg", "altitude_m"])
 def test_what_is_no_number_is_no_place(bounds: Bounds, field: str, value: float) -> None:
     assert "not a number" in outside(bounds, goto()._replace(**{field: value}))
-    assert bounds.on_home(HOME._replace(**{field: value}), flying=False) == "home is no place"
+    assert bounds.on_home(HOME._replace(**{field: value}), flying=False) == "home: expected finite degrees and metres"
     assert bounds.home == HOME
 
 

@@ -6,7 +6,7 @@ import pytest
 from hypothesis import example, given
 from hypothesis import strategies as st
 
-from agents.effects import DropHost, HostCame, HostSaid
+from agents.effects import DropHost, HostCame, HostMessage
 from agents.hosts.host_desk import MAX_HOSTS, SILENT_US
 from agents.specification.declared_streams import DeclaredStreams
 from dyknow import (
@@ -334,7 +334,7 @@ def test_no_sample_is_lost_or_doubled_while_chains_come_and_go(steps: list[str])
                 guest.work(site.now_us)
                 unsaid += guest.outbox.take()
             case "say" if unsaid:
-                site.desk.on_event(HostSaid(site.now_us, guest.number, unsaid.pop(0)), site.now_us)
+                site.desk.on_event(HostMessage(site.now_us, guest.number, unsaid.pop(0)), site.now_us)
             case "begin" | "end":
                 extra = "strmgen d = plus(b)\nstrmgen e = next(d)\nstream other = e\n" if step == "begin" else ""
                 site.declare(CHAIN + extra)
@@ -380,7 +380,7 @@ def test_hostile_bytes_end_one_connection_and_change_nothing(payloads: list[byte
     for number, payload in enumerate(payloads, 100):
         site.guests[number] = Guest(number, good.host)
         site.desk.on_event(HostCame(site.now_us, number), site.now_us)
-        site.desk.on_event(HostSaid(site.now_us, number, payload), site.now_us)
+        site.desk.on_event(HostMessage(site.now_us, number, payload), site.now_us)
         site.perform(site.desk.flush())
         assert not site.guests[number].is_there
         del site.guests[number]

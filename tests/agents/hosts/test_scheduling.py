@@ -92,7 +92,7 @@ def test_an_action_goes_on_without_a_process_that_went() -> None:
 
 @pytest.mark.parametrize("batch", [0, -1, 11])
 def test_a_batch_is_at_least_one_and_at_most_what_can_wait(batch: int) -> None:
-    with pytest.raises(ValueError, match="a batch has 1 to 10"):
+    with pytest.raises(ValueError, match="expected 1 to 10 samples"):
         Scheduler(batch, bound=10)
 
 

@@ -195,7 +195,7 @@ def test_a_whole_plan_that_does_not_reach_the_goal_is_not_flown() -> None:
         ({"actions": ("fly-too(uav0, barn)",)}, "refuse", "Did you mean 'fly-to'?"),
         ({"actions": ("fly-to(barn, uav0)",)}, "refuse", "write fly-to(uav, place)"),
         ({"platforms": {"uav9": "0"}}, "refuse", "uav9 is no unit"),
-        ({"problem": f"{ONE}#objects place = p1 .. p9999"}, "refuse", "at most 2000 objects"),
+        ({"problem": f"{ONE}#objects place = p1 .. p9999"}, "refuse", "objects: expected at most 2000, got 10002"),
         ({"chain": ("1", "0")}, "refuse", "the chain of delegation ends with 0, and cc sends it"),
         ({"chain": ("0", "cc")}, "refuse", "it was delegated by 0 already: 0 > cc"),
     ],

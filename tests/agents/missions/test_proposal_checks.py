@@ -73,7 +73,7 @@ def market() -> tuple[Box, Client, list[tuple[str, str]]]:
         vehicle = SimulatedVehicle(unit.vehicle(unit.number + 1, airborne=True), START_US)
         box.add(name, PlatformConfig(name, 0, clock=box.clock, control=True, simulated=True), vehicle)
     box.run(2.0)
-    client, troubles = Client(box.surroundings(), command_centre(Settings(), "cc-9")), list[tuple[str, str]]()
+    client, troubles = Client(box.client_ports(), command_centre(Settings(), "cc-9")), list[tuple[str, str]]()
     client.on_trouble = lambda unit, why: troubles.append((unit, why))
     return box, client, troubles
 

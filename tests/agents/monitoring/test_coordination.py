@@ -122,9 +122,9 @@ def test_a_participant_that_monitors_otherwise_refuses_its_part_and_the_others_g
     ("asked", "why"),
     [
         (MonitorProximity(profile="nonsense"), "no monitor is called 'nonsense' here"),
-        (MonitorProximity(sample_period_s=0.001), "no multiple of 100ms"),
-        (MonitorProximity(sample_period_s=0.15), "no multiple of 100ms"),
-        (MonitorProximity(delay_s=3600.0), "1min at most"),
+        (MonitorProximity(sample_period_s=0.001), "expected a multiple of 100ms"),
+        (MonitorProximity(sample_period_s=0.15), "expected a multiple of 100ms"),
+        (MonitorProximity(delay_s=3600.0), "expected at most 1min, got 1h"),
         (CreateMonitor(name="proximity", profile="proximity-warn"), "by its name alone"),
         (CreateMonitor(name="proximity", task="t-1", coordinator="2"), "set up by the coordinator 2, not cc"),
     ],
@@ -198,7 +198,7 @@ def test_a_participant_says_where_the_task_is_cancelled(three: Box) -> None:
     three.centre("cc-2")
     three.run(1.0)
     assert cancelled(three, task, "1", by="cc-2") == [P.REFUSE]
-    assert "led by 0 now: cancel it there" in str(three.acts("1", "cc-2")[-1].content)
+    assert "coordinated by 0 now: cancel it there" in str(three.acts("1", "cc-2")[-1].content)
     assert all_fresh(three, "0", "1", "2")
 
 
@@ -360,7 +360,7 @@ def test_nobody_is_deposed_by_a_leader_that_is_not_there(three: Box, monkeypatch
     three.settle("0")
 
 
-@pytest.mark.parametrize("text", ["led by 1 in generation 9", "cancelled: the task was cancelled here"])
+@pytest.mark.parametrize("text", ["coordinated by 1 in generation 9", "cancelled: the task was cancelled here"])
 def test_the_words_of_a_refusal_steer_nothing(three: Box, text: str) -> None:
     task = delegated(three)
     coordination = three.platform("0").part(Coordination)

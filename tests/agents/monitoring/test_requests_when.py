@@ -127,9 +127,13 @@ def test_it_fails_when_its_time_is_over_and_ends_when_it_is_cancelled_and_leaves
 @pytest.mark.parametrize(
     ("content", "said", "performative"),
     [
-        (Goto(latitude_deg=58.0, longitude_deg=15.0, altitude_m=100.0).expr(), "is not done on a condition", P.REFUSE),
+        (
+            Goto(latitude_deg=58.0, longitude_deg=15.0, altitude_m=100.0).expr(),
+            "on a condition, unattended: expected a request",
+            P.REFUSE,
+        ),
         (Hold().expr(), "follow the condition", P.REFUSE),
-        (When(do=ENERGY.expr(), condition=HIGH).expr(), "is not done on a condition", P.REFUSE),
+        (When(do=ENERGY.expr(), condition=HIGH).expr(), "on a condition, unattended: expected a request", P.REFUSE),
         (Expr("create-monitor", {"name": "energy", "colour": "red"}), "colour", P.NOT_UNDERSTOOD),
     ],
 )

@@ -81,9 +81,9 @@ def test_what_cannot_have_been_learnt_is_refused_with_its_place_and_cause_and_no
 ) -> None:
     found = platform(wire, learnt={"beliefs": text})
     wire.run(0.2)
-    [note] = [each for each in wire.nodes["0"].notes if "is not taken" in each]
+    [note] = [each for each in wire.nodes["0"].notes if "are not taken" in each]
     assert cause in note
-    assert "what beliefs has learnt:" in note, "its place"
+    assert "learnt parameters of beliefs:" in note, "its place"
     assert not stream(found).watch.informed.knowledge.learnt
     assert found.part(Learning)._streams[Label("beliefs")][1] is False
 

@@ -152,7 +152,7 @@ def test_the_first_configuration_is_restored_however_many_changes_came_after_it(
         ),
         (RemoveDeclarations(names=("alt[self]",)), "text", "nothing makes alt[self], which the running instance needs"),
         (RemoveDeclarations(names=("distance",)), "unknown-name", "Did you mean 'distance_m'?"),
-        (RestoreSpecification(number=7), "unknown-number", "there are 1 configurations, counted from 0"),
+        (RestoreSpecification(number=7), "unknown-number", "expected a number from 0 to 0, got 7"),
     ],
 )
 def test_what_cannot_be_is_refused_with_the_reason_and_changes_nothing(pair, content, code, said):

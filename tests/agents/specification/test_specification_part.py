@@ -7,7 +7,7 @@ from pathlib import Path
 import pytest
 
 from agents.config import PlatformConfig
-from agents.effects import HostCame, HostSaid
+from agents.effects import HostCame, HostMessage
 from agents.exchange.subscription_keeper import SubscriptionKeeper
 from agents.hosts.knowledge_host import KnowledgeHost
 from agents.hosts.outbox import Outbox
@@ -390,7 +390,7 @@ def test_what_needs_the_stream_of_a_host_is_taken_when_the_host_comes():
     declared, now_us = pair.declared("0"), pair.world.now_us
     declared.on_host(HostCame(now_us, 1), now_us)
     for payload in outbox.take():
-        declared.on_host(HostSaid(now_us, 1, payload), now_us)
+        declared.on_host(HostMessage(now_us, 1, payload), now_us)
     assert [str(each.label) for each in declared.instance.streams.values()] == ["picture[0]"]
 
 

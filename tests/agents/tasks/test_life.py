@@ -29,6 +29,6 @@ def test_a_life_of_tasks_remembers_whose_task_ended_and_forgets_in_the_end(wire:
     assert refused.value.code == "cancelled"
     life.check_claim(Claim(evidence, "1", 0, 1), wire.now_us)  # it ended on its behalf, so it may set it up again
     for at in range(TOMBSTONES):
-        life.bury(f"t{at}", "1")
+        life.set_tombstone(f"t{at}", "1")
     with pytest.raises(Refused, match="only when 0 is gone"):
         life.check_claim(Claim(evidence, "2", 0, 2), wire.now_us)

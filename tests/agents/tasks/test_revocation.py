@@ -82,7 +82,7 @@ def test_a_mission_that_a_revoked_centre_permitted_ends_and_its_evidence_is_wort
         performing = fed.platform(unit).part(Performing)
         assert (performing.leader, performing.permits.of("m", fed.now_us)) == ("", None)
         assert code(fed.shown("1", unit, JoinMission(mission="m"), evidence)) == "unproven"
-    assert any("cd is revoked, and what goes by its word ends: m" in text for text in fed.nodes["0"].notes)
+    assert any("cd is revoked, and its tasks and permits end: m" in text for text in fed.nodes["0"].notes)
     before = len(fed.vehicle("0").commands)
     assert code(fed.asked("1", "0", GO)) == "mission"
     fed.run(1.0)
@@ -172,7 +172,7 @@ def test_what_ended_with_a_revocation_is_shown_and_an_alarm_within_two_seconds(f
         assert entry is not None
         return [each.text for each in entry.conditions]
 
-    text = f"cd is revoked, and what goes by its word ends: {name}"
+    text = f"cd is revoked, and its tasks and permits end: {name}"
     assert text in shown()
     heard = [each for each in told.contents if isinstance(each, Alarm) and each.monitor == REVOKED]
     assert [(each.event, each.units, each.values["tasks"]) for each in heard] == [("opened", ("0", "cd"), name)]

@@ -12,15 +12,16 @@ def test_turns_forks_and_ways_of_a_crossing_are_counted() -> None:
     found = summary_of(read_roads(cross()))
     assert (found.turns, found.left, found.right, found.straight, found.back) == (16, 4, 4, 4, 4)
     assert (found.forks, found.ways, found.both_ways, found.hidden_turns) == (4, 8, 4, 0)
-    assert found.remarks() == ()
+    assert found.warnings() == ()
 
 
 def test_a_street_alone_has_no_turn_and_that_is_a_warning() -> None:
     found = summary_of(read_roads(text(link("l", None, None, [(0, 0), (90, 0)], oneway=True))))
     assert (found.turns, found.forks, found.ways, found.both_ways) == (0, 0, 1, 0)
-    (remark,) = found.remarks()
+    (warning,) = found.warnings()
     assert (
-        remark.drawn == "no turn can be recognised on it: no link leads to another; name the crossings where links meet"
+        warning.drawn
+        == "no turn can be recognised on it: no link leads to another; name the crossings where links meet"
     )
 
 
@@ -41,6 +42,6 @@ def test_turns_of_a_link_that_is_passed_in_less_than_half_a_second_are_hidden(ga
     is_hidden = gap_m - 1.2 * 8 - 8 < 0.5 * speed_m_s
     assert (found.turns, found.hidden_turns) == ((0, 2) if is_hidden else (2, 0))
     assert found.hidden_links == (("short",) if is_hidden else ())
-    assert len(found.remarks()) == is_hidden
+    assert len(found.warnings()) == is_hidden
     if is_hidden:
-        assert "2 of 2 turns cannot be recognised: a car is on 'short'" in found.remarks()[0].message
+        assert "2 of 2 turns cannot be recognised: a car is on 'short'" in found.warnings()[0].message

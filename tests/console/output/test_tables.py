@@ -82,7 +82,7 @@ def world(monkeypatch: pytest.MonkeyPatch, capsys: pytest.CaptureFixture[str]) -
     found = Box()
     for number in range(3):
         found.fly(str(number), 0.0, 200.0 * number, 2.0)
-    monkeypatch.setattr(client, "_surroundings", lambda _call: found.surroundings())
+    monkeypatch.setattr(client, "_client_ports", lambda _call: found.client_ports())
     found.run(2.0)
     asking = Call(Settings(federation="test", json_lines=True), Output(json_lines=True))
     assert delegate(asking, "monitor-proximity", [], to="0", wait=False) == DONE

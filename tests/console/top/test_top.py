@@ -65,7 +65,7 @@ def drive(snapshot: Callable[[], TopSnapshot], steps: Callable[[TopApp, Any], Aw
 def looks() -> list[TopSnapshot]:
     """A federation in which two came close, looked at while an alarm is open."""
     world = encounter()
-    centre = Client(world.surroundings(), command_centre(Settings(), "cc-9"))
+    centre = Client(world.client_ports(), command_centre(Settings(), "cc-9"))
     gatherer = Gatherer(centre, "test")
     found = [gatherer.look()]
     centre.wait_for(lambda: False, 9.0)
@@ -198,7 +198,7 @@ def test_a_tick_that_comes_while_the_screen_is_closed_draws_nothing() -> None:
 
 
 def test_what_platforms_say_of_others_is_not_shown_and_what_is_kept_is_bounded(world: Box) -> None:
-    gatherer = Gatherer(Client(world.surroundings(), command_centre(Settings(), "cc-9")), "test")
+    gatherer = Gatherer(Client(world.client_ports(), command_centre(Settings(), "cc-9")), "test")
     gatherer._take("0", Alarm(id="a", event="opened", monitor="m", by="1", units=("1",), valid_us=1, detected_us=1))
     assert not gatherer._alarms
     for at in range(2000):

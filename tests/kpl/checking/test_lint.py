@@ -1,6 +1,6 @@
 import pytest
 
-from kpl import parse_specification, read_formula, remarks
+from kpl import lint, parse_specification, read_formula
 from tests.kpl.specifications import check_specification
 
 NOISY = """source float speedometer
@@ -12,7 +12,7 @@ monitor slow = always {} <= 30
 
 
 def told(text):
-    return [(one.message, one.repair) for one in remarks(read_formula(text))]
+    return [(one.message, one.repair) for one in lint(read_formula(text))]
 
 
 @pytest.mark.parametrize(

@@ -88,7 +88,7 @@ def test_a_request_waits_for_its_condition_and_what_is_not_done_so_is_refused(dy
     assert {each["monitor"] for each in told if "monitor" in each} == {"energy"}
     [refused] = dyknow.run("delegate", "land", "--to", "0", "--when", "altitude[self] > 0", code=1)
     assert refused["performative"] == "refuse"
-    assert "is not done on a condition" in refused["content"]
+    assert "on a condition, unattended: expected a request" in refused["content"]
     _, err = dyknow.raw(*asked, "--when", "altitude[self] >", code=2)
     assert "expected" in err
     _, err = dyknow.raw(*asked, "--when", "altitude[self] > 0", "--for", "2h", code=2)

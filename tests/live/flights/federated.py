@@ -18,7 +18,7 @@ from federation.messages.dialogue import Dialogue
 from navigation.geodesy import distance_m
 from proxies.zenoh.configuration import ZenohOptions
 from proxies.zenoh.edge import ZenohEdge
-from runtime.client import Client, Surroundings
+from runtime.client import Client, ClientPorts
 from runtime.clock import NodeClock
 from runtime.configuration.config import NodeConfig
 
@@ -158,7 +158,7 @@ def command_centre(federation: str) -> Client:
         edge.open()
         return edge
 
-    around = Surroundings(SimpleQueue(), NodeClock().now_us, opened)
+    around = ClientPorts(SimpleQueue(), NodeClock().now_us, opened)
     return Client(around, lambda zid, now_us: CommandCentre(f"cc-{os.getpid()}", now_us, zid=zid))
 
 

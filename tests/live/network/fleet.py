@@ -13,7 +13,7 @@ from contextlib import contextmanager
 from pathlib import Path
 from typing import Any, NamedTuple, Self
 
-from federation.messages.contents import Content, ImportAccount, ImportList, MonitorEntry, MonitorList, read
+from federation.messages.contents import Content, ImportCounts, ImportList, MonitorEntry, MonitorList, read
 from runtime.clock import NodeClock
 from tests.federation.expressions import parse_expr
 
@@ -325,7 +325,7 @@ class Fleet:
         acts = [act for act in acts if str(act.get("peer")) in self.nodes][-400:]
         return [*said, f"the directory: {self.dyknow('ls')}", *map(str, acts)]
 
-    def imports(self, units: Iterable[str], by: str = "cc-1") -> dict[tuple[str, str, str], ImportAccount]:
+    def imports(self, units: Iterable[str], by: str = "cc-1") -> dict[tuple[str, str, str], ImportCounts]:
         """What became of the samples of each stream, by (receiver, owner, label)."""
         return {
             (heard.unit, one.owner, one.semantic_label): one

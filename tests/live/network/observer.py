@@ -21,7 +21,7 @@ from federation.messages.dialogue import Dialogue
 from federation.transport import WireEvent
 from proxies.zenoh.configuration import ZenohOptions
 from proxies.zenoh.edge import ZenohEdge
-from runtime.client import Client, Surroundings
+from runtime.client import Client, ClientPorts
 from runtime.clock import NodeClock
 from tests.federation.expressions import parse_expr
 
@@ -115,7 +115,7 @@ def main() -> None:
 
     threading.Thread(target=listen, daemon=True).start()
     inbox: SimpleQueue[WireEvent] = SimpleQueue()
-    around = Surroundings(inbox, NodeClock().now_us, opened)
+    around = ClientPorts(inbox, NodeClock().now_us, opened)
     with Client(around, lambda zid, now_us: CommandCentre(given["unit"], now_us, zid=zid)) as client:
         Observer(client, commands).run()
 

@@ -6,7 +6,7 @@ from collections.abc import Iterator
 import pytest
 
 from federation.messages.acts import parse_act
-from federation.messages.contents import ActList, ImportAccount, MonitorEntry
+from federation.messages.contents import ActList, ImportCounts, MonitorEntry
 from tests.live.network.fleet import Fleet, Node, Place, ms, report
 from tests.netlab import Lab, lab_of
 
@@ -19,7 +19,7 @@ UNITS = ["0", "1", "2", "3"]
 SIDES = {"0", "1"}, {"2", "3"}
 NEAR, FAR = "cc-1", "cc-2"  # observers: one on the side of platform 0, one on the other
 
-Streams = dict[tuple[str, str, str], ImportAccount]
+Streams = dict[tuple[str, str, str], ImportCounts]
 
 
 class Network:

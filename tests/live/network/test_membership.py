@@ -5,7 +5,7 @@ from itertools import pairwise
 
 import pytest
 
-from federation.messages.contents import ImportAccount, MonitorEntry, Reading, Samples
+from federation.messages.contents import ImportCounts, MonitorEntry, Reading, Samples
 from tests.live.network.fleet import Fleet, Heard, ms, report
 
 pytestmark = [pytest.mark.live, pytest.mark.timeout(600)]
@@ -48,7 +48,7 @@ def all_fresh(found: list[MonitorEntry], units: list[str]) -> bool:
 
 
 def grown(
-    before: dict[tuple[str, str, str], ImportAccount], after: dict[tuple[str, str, str], ImportAccount]
+    before: dict[tuple[str, str, str], ImportCounts], after: dict[tuple[str, str, str], ImportCounts]
 ) -> list[int]:
     """How many samples of each stream came meanwhile; fails where a number is lost or missing."""
     assert before, "no streams"
@@ -56,7 +56,7 @@ def grown(
     return [after[name].received - one.received for name, one in before.items()]
 
 
-def settled(fleet: Fleet, units: list[str]) -> dict[tuple[str, str, str], ImportAccount]:
+def settled(fleet: Fleet, units: list[str]) -> dict[tuple[str, str, str], ImportCounts]:
     """The streams when no sample is under way or being asked for again, at the latest after five seconds."""
     until_us = fleet.now_us() + 5 * SECOND_US
     found = fleet.imports(units)

@@ -21,7 +21,7 @@ from federation.security.trust import Roster, RosterMember, Signer, Trust
 from federation.transport import WireEvent
 from proxies.zenoh.configuration import ZenohOptions
 from proxies.zenoh.edge import ZenohEdge
-from runtime.client import Client, Surroundings
+from runtime.client import Client, ClientPorts
 from runtime.clock import NodeClock
 from runtime.configuration.config import NodeConfig, SimulatedVehicleConfig, TrustConfig, WireConfig
 from tests.federation.expressions import parse_expr
@@ -103,7 +103,7 @@ class Members:
             trust = Trust.of(self.roster, seed(unit), self.federation, now_us)
             return CommandCentre(unit, now_us, zid=zid, trust=trust)
 
-        return Client(Surroundings(inbox, NodeClock().now_us, opened), centre, self.federation)
+        return Client(ClientPorts(inbox, NodeClock().now_us, opened), centre, self.federation)
 
     def code(self, by: str, text: str, action: Action) -> str | None:
         """The code of the refusal, None if it was not refused."""

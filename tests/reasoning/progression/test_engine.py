@@ -24,7 +24,7 @@ from reasoning.formulas.tree import (
 )
 from reasoning.monitoring.alarms import Watch
 from reasoning.progression.automaton import LIMIT_GAPS
-from reasoning.progression.restarting import startable
+from reasoning.progression.restarting import restartable
 from tests.reasoning import ways
 from tests.reasoning.oracle import atom
 from tests.reasoning.plain import Restarted
@@ -103,7 +103,7 @@ def test_what_is_kept_stays_on_a_plateau():
 @given(formulas, traces(gaps=True, max_size=14), PERIODS, st.integers(1, 3))
 @MODERATE
 def test_a_watch_on_the_automaton_tells_the_same_alarms_as_a_plain_one(phi, states, period_us, close_after):
-    shared = Watch(startable(phi, {}, period_us), close_after)
+    shared = Watch(restartable(phi, {}, period_us), close_after)
     plain = Watch(Restarted(phi, period_us), close_after)
     for at, (valid_us, values) in enumerate(states):
         moment = Moment(valid_us, values)

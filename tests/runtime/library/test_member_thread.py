@@ -9,7 +9,7 @@ import pytest
 from dyknow import FederationFailed, NothingFound, SessionFailed
 from federation.members.command_centre import CommandCentre
 from federation.transport import WireEffect, WireEvent
-from runtime.client import Surroundings
+from runtime.client import ClientPorts
 from runtime.clock import NodeClock
 from runtime.library import jobs
 from runtime.library.alarm_news import follow_alarms
@@ -44,7 +44,7 @@ def connected() -> tuple[MemberThread, Quiet]:
     def opened(_post: Callable[[WireEvent], None], _now_us: Callable[[], int]) -> Quiet:
         return wire
 
-    around = Surroundings(SimpleQueue(), NodeClock().now_us, opened)
+    around = ClientPorts(SimpleQueue(), NodeClock().now_us, opened)
     return MemberThread(around, lambda zid, now_us: CommandCentre("cc-1", now_us, zid=zid), "test"), wire
 
 

@@ -17,7 +17,7 @@ def test_one_that_is_silent_and_names_others_that_are_not_there_is_not_waited_fo
     liar = Liar(box)  # type: ignore[arg-type]
     liar.beat(("0", "1", "2"))
     took_us, since_us = list[int](), box.now_us
-    with Client(box.surroundings(), command_centre(Settings(), "cc-9")) as client:
+    with Client(box.client_ports(), command_centre(Settings(), "cc-9")) as client:
         for number in range(20):
             liar.beat((f"invented-{number}", f"more-{number}"))
             began_us = box.now_us
@@ -33,7 +33,7 @@ def test_a_newcomer_is_waited_for_however_long_the_others_are_known() -> None:
     box = Box()
     box.join("0", Vehicle())
     box.run(1.0)
-    with Client(box.surroundings(), command_centre(Settings(), "cc-9")) as client:
+    with Client(box.client_ports(), command_centre(Settings(), "cc-9")) as client:
         client.run(jobs.platforms(client))
         client.wait_for(lambda: False, 10.0)
         box.join("1", Vehicle(north_m=100.0))

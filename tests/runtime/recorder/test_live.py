@@ -37,7 +37,7 @@ def until(condition: Callable[[], object]) -> None:
 @pytest.fixture
 def served() -> Iterator[tuple[Box, Client, LiveServer]]:
     world = encounter()
-    client = Client(world.surroundings(), command_centre(Settings(), "cc-9"))
+    client = Client(world.client_ports(), command_centre(Settings(), "cc-9"))
     client.settle()
     server = LiveServer("127.0.0.1", 0, "dyknow default", client.federation_us)
     yield world, client, server

@@ -196,8 +196,8 @@ def test_no_payload_however_odd_crashes_the_vehicle_or_breaks_its_limits() -> No
 
 def test_damaged_datagrams_are_dropped_and_the_next_sound_one_is_heard() -> None:
     station, rng = Station(airborne_m=30.0), np.random.default_rng(2)
-    asker = mavlink.MAVLink(None, srcSystem=255, srcComponent=190)
-    sound = mavlink.MAVLink_timesync_message(0, 77).pack(asker)
+    requester = mavlink.MAVLink(None, srcSystem=255, srcComponent=190)
+    sound = mavlink.MAVLink_timesync_message(0, 77).pack(requester)
     for _ in range(60_000 if FULL else 6000):
         for damaged in (rng.bytes(int(rng.integers(0, 300))), mutated(rng, sound)):
             station.vehicle.on_bytes(damaged, PEER, station.now_us)
@@ -207,8 +207,8 @@ def test_damaged_datagrams_are_dropped_and_the_next_sound_one_is_heard() -> None
 
 def test_a_flood_of_strangers_does_not_grow_the_list_of_peers() -> None:
     station = Station()
-    asker = mavlink.MAVLink(None, srcSystem=255, srcComponent=190)
-    hello = mavlink.MAVLink_heartbeat_message(6, 8, 0, 0, 0, 3).pack(asker)
+    requester = mavlink.MAVLink(None, srcSystem=255, srcComponent=190)
+    hello = mavlink.MAVLink_heartbeat_message(6, 8, 0, 0, 0, 3).pack(requester)
     for port in range(1, 5000):
         station.vehicle.on_bytes(hello, ("127.0.0.1", port), station.now_us)
     station.now_us += 100_000
@@ -218,9 +218,9 @@ def test_a_flood_of_strangers_does_not_grow_the_list_of_peers() -> None:
 
 
 def test_several_frames_in_one_datagram_are_all_read_and_version_one_too() -> None:
-    asker = mavlink.MAVLink(None, srcSystem=255, srcComponent=190)
-    one = mavlink.MAVLink_timesync_message(0, 1).pack(asker)
-    old = mavlink.MAVLink_timesync_message(0, 2).pack(asker, force_mavlink1=True)
+    requester = mavlink.MAVLink(None, srcSystem=255, srcComponent=190)
+    one = mavlink.MAVLink_timesync_message(0, 1).pack(requester)
+    old = mavlink.MAVLink_timesync_message(0, 2).pack(requester, force_mavlink1=True)
     station = Station()
     answers = station.vehicle.on_bytes(b"noise" + one + old + one[:9], PEER, station.now_us)
     assert len(answers) == 2

@@ -44,8 +44,8 @@ def test_it_tells_its_given_peers_and_obeys_who_speaks_to_its_port(ear) -> None:
     config = VehicleConfig(7, HOME, peers=(ear.getsockname(),))
     with AutopilotServer(config) as server:
         assert heard(ear, "HEARTBEAT").get_srcSystem() == 7
-        asker = mavlink.MAVLink(None, srcSystem=255, srcComponent=190)
-        order = mavlink.MAVLink_command_long_message(7, 1, 400, 0, 1, 0, 0, 0, 0, 0, 0).pack(asker)
+        requester = mavlink.MAVLink(None, srcSystem=255, srcComponent=190)
+        order = mavlink.MAVLink_command_long_message(7, 1, 400, 0, 1, 0, 0, 0, 0, 0, 0).pack(requester)
         ear.sendto(order, ("127.0.0.1", server.port))
         assert heard(ear, "COMMAND_ACK").result == 0
         assert true_motion_of(server).armed

@@ -4,7 +4,7 @@ import pytest
 from hypothesis import given, settings
 from hypothesis import strategies as st
 
-from sim_uavs.dynamics.flight import Flight, FlightAnswer, Mode, Reached, Said
+from sim_uavs.dynamics.flight import Flight, FlightAnswer, Mode, Reached, StatusText
 from sim_uavs.dynamics.missions import Item, MissionAction
 from sim_uavs.dynamics.quadcopter import Vector, Wind
 from sim_uavs.dynamics.settings import HomePlace, VehicleConfig, VehicleSettings
@@ -187,7 +187,7 @@ def test_a_low_battery_is_said_once_and_a_critical_one_lands() -> None:
     flight.take_events()
     flight.body = flight.body._replace(charge=0.2)
     clocked.run(2)
-    assert [event.text for event in flight.take_events() if isinstance(event, Said)] == ["Battery low: 20%"]
+    assert [event.text for event in flight.take_events() if isinstance(event, StatusText)] == ["Battery low: 20%"]
     flight.body = flight.body._replace(charge=0.07)
     clocked.run(40)
     assert not flight.armed

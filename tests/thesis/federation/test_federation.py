@@ -17,12 +17,12 @@ from federation.messages.contents import (
     Directory,
     DirectoryEvent,
     Done,
-    Found,
     Leave,
     Query,
     Rejoin,
     Samples,
     Search,
+    SearchResult,
     Stream,
     read,
 )
@@ -70,7 +70,7 @@ def test_9_3_2_the_directory_facilitator_finds_services_and_who_provides_them(fe
         found = federation.member(unit).directory.search(service="dyknow-federation")
         assert [entry.unit for entry in found] == list("abcd")
     found_by_act = federation.asked("cc", "a", Search(service="dyknow-federation"), P.QUERY_REF).contents[0]
-    assert found_by_act == Found(agents=tuple(f"interface@{unit}" for unit in "abcd"))
+    assert found_by_act == SearchResult(agents=tuple(f"interface@{unit}" for unit in "abcd"))
 
 
 # 9.3.3  The DyKnow federation service: the messages

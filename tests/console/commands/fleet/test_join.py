@@ -35,7 +35,7 @@ def test_a_speed_that_is_not_the_federations_is_refused(
 ) -> None:
     world = Box(clock=FederationClock(EPOCH - 5_000_000, 4.0))
     world.fly("0", 0.0, 0.0)
-    monkeypatch.setattr(client, "_surroundings", lambda _call: world.surroundings())
+    monkeypatch.setattr(client, "_client_ports", lambda _call: world.client_ports())
     with pytest.raises(WrongCall, match=r"runs 4 times as fast as the wall, .* 2 times as fast; join with --speed 4\."):
         _join(call, "9", flight, speed=2.0)
 

@@ -54,7 +54,7 @@ def world(monkeypatch: pytest.MonkeyPatch) -> Box:
     found = Box()
     for unit, place in PLACES.items():
         found.fly(unit, *place)
-    monkeypatch.setattr(client, "_surroundings", lambda _call: found.surroundings())
+    monkeypatch.setattr(client, "_client_ports", lambda _call: found.client_ports())
     found.run(2.0)
     return found
 
@@ -180,7 +180,7 @@ def test_what_cannot_be_is_refused(world: Box, call: Call, given: dict[str, Any]
 
 
 def test_a_program_gets_the_same(world: Box) -> None:
-    with Client(world.surroundings(), command_centre(Settings(), "cc-9")) as program:
+    with Client(world.client_ports(), command_centre(Settings(), "cc-9")) as program:
         picture = program.run(asked_bands(program, "0"))
     assert [row.unit for row in picture.others] == ["1", "2"]
     assert picture.tracks[0].low == 0.0

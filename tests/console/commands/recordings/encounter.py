@@ -34,7 +34,7 @@ def encounter() -> Box:
 
 def in_world(monkeypatch: MonkeyPatch, world: Box) -> None:
     """Have commands take part in this world."""
-    monkeypatch.setattr(client, "_surroundings", lambda _call: world.surroundings())
+    monkeypatch.setattr(client, "_client_ports", lambda _call: world.client_ports())
 
 
 def main() -> None:

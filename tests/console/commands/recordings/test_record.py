@@ -179,6 +179,6 @@ def test_a_name_or_a_size_that_is_none_is_a_wrong_call(call: Call, tmp_path: Pat
 def _client(world: Box) -> Any:
     from runtime.client import Client, command_centre
 
-    client = Client(world.surroundings(), command_centre(Settings(), "cc-9"))
+    client = Client(world.client_ports(), command_centre(Settings(), "cc-9"))
     client.settle()
     return client

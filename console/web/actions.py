@@ -7,7 +7,7 @@ from typing import Any, NamedTuple, TypeAlias
 Done: TypeAlias = Mapping[str, Any]
 
 
-class Wish(NamedTuple):
+class PageAction(NamedTuple):
     """A user's action, and its result."""
 
     given: Mapping[str, Any]

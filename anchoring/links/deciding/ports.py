@@ -8,7 +8,7 @@ from anchoring.links.prediction import ObjectPrediction
 from anchoring.links.states import ObjectState
 
 
-class LinkSurroundings(Protocol):
+class LinkPorts(Protocol):
     """The interface from a link process to the structures it belongs to.
 
     Attributes:
