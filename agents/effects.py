@@ -152,7 +152,7 @@ class RunSearch(NamedTuple):
     """Search for a plan in a process of its own, at most for `limit_us`; `SearchNews` and `SearchOver` tell what comes of it.
 
     `units`: those that may act; None: all. `looking`: a problem of looking instead, as `planning/contingent/sent_problems.py` has it;
-    `reading`: texts to be read instead, as `agents/missions/mission_texts.py` has them.
+    `reading`: texts to be read instead, as `agents/capabilities/missions/mission_texts.py` has them.
     """
 
     number: int

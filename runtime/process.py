@@ -13,6 +13,7 @@ from pathlib import Path
 from queue import Empty
 from typing import Any
 
+from agents.capabilities.flight.flight import FlightAgent
 from agents.directory.directory import DirectoryAgent
 from agents.effects import (
     Compute,
@@ -31,7 +32,6 @@ from agents.effects import (
     Tell,
     Waited,
 )  # fmt: skip
-from agents.flight.flight import FlightAgent
 from agents.monitoring.monitor_plans import PlanBook
 from agents.platform import Platform
 from dyknow.model.errors import DecodeError, DyknowError, EndpointFailed, RosterError

@@ -5,9 +5,9 @@ from typing import Any
 import pytest
 
 from agents.admission.admission import Admission
+from agents.capabilities.flight.flight import FlightAgent
 from agents.containment import DEAF_US, QUIET_US, TRIES
 from agents.exchange.peer_motion import PeerMotion
-from agents.flight.flight import FlightAgent
 from agents.monitoring.unit_monitoring import UnitMonitoring
 from dyknow import Network, Policy, Sort
 from federation.messages.contents import Goto, MonitorProximity, Tasks
