@@ -11,7 +11,7 @@ from types import ModuleType
 from typing import Final
 
 from agents.actions import Action
-from agents.capability import Stage, all_parts
+from agents.capabilities.capability import Stage, all_parts
 from agents.part import Part
 from agents.parts import PLATFORM
 from compunits import load_module

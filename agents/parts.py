@@ -10,7 +10,7 @@ from collections.abc import Callable
 from agents.admission.admission import Admission
 from agents.admission.message_log import MessageLog
 from agents.admission.trusted import PlatformTrust
-from agents.capability import Stage, parts_of
+from agents.capabilities.capability import Stage, parts_of
 from agents.config import PlatformConfig
 from agents.directory.directory import DirectoryAgent
 from agents.exchange.export_proxy import ExportProxy

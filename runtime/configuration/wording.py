@@ -25,7 +25,7 @@ def typed(extensions: tuple[str, ...] = ()) -> "Mapping[str, Action]":
     Raises:
         UnitError: an extension does not load.
     """
-    from agents.capability import typed_requests
+    from agents.capabilities.capability import typed_requests
 
     if not extensions:
         return typed_requests()

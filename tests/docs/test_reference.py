@@ -5,7 +5,7 @@ import re
 from collections.abc import Iterator
 from typing import Any
 
-from agents.capability import typed_requests
+from agents.capabilities.capability import typed_requests
 from federation.sharing.ontology import default_ontology
 from reasoning import builtin_profiles
 from runtime.configuration.settings import OPTION_KEYS, VARIABLES, UnitFile

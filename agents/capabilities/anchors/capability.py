@@ -1,6 +1,6 @@
 """A UAV looks again when an anchor is ambiguous."""
 
-from agents.capability import Capability, Group, PartClasses, Stage, attends
+from agents.capabilities.capability import Capability, Group, PartClasses, Stage, attends
 
 
 def _parts() -> PartClasses:

@@ -1,7 +1,7 @@
 """Several UAVs divide an area among them, and scan it."""
 
 from agents.capabilities.areas.requests import DIVIDE_AREA
-from agents.capability import Capability, Group, PartClasses, Stage, always, attends
+from agents.capabilities.capability import Capability, Group, PartClasses, Stage, always, attends
 
 
 def _division() -> PartClasses:
@@ -23,5 +23,5 @@ CAPABILITY = Capability(
         Group(Stage.CONVERSING, attends, _scanning),
     ),
     requests=(DIVIDE_AREA,),
-    after=("missions",),
+    after=("cameras", "missions"),
 )

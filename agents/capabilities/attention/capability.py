@@ -1,7 +1,7 @@
 """Cameras look at objects that somebody asks for, and vehicles follow them."""
 
 from agents.capabilities.attention.requests import ATTEND, FOLLOW, WANT
-from agents.capability import Capability, Group, PartClasses, Stage, always, attends
+from agents.capabilities.capability import Capability, Group, PartClasses, Stage, always, attends
 
 
 def _looking() -> PartClasses:
@@ -23,5 +23,5 @@ CAPABILITY = Capability(
         Group(Stage.REACTING, always, _wanting),
     ),
     requests=(FOLLOW, ATTEND, WANT),
-    after=("missions",),
+    after=("cameras", "missions"),
 )

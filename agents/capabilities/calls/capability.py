@@ -1,6 +1,6 @@
 """Streams by call for proposals: which platform produces one, at what cost."""
 
-from agents.capability import Capability, Group, PartClasses, Stage, always
+from agents.capabilities.capability import Capability, Group, PartClasses, Stage, always
 
 
 def _parts() -> PartClasses:

@@ -1,6 +1,6 @@
 """What a UAV with cameras sees: images become percepts on the ground."""
 
-from agents.capability import Capability, Group, PartClasses, Stage, has_cameras
+from agents.capabilities.capability import Capability, Group, PartClasses, Stage, has_cameras
 
 
 def _parts() -> PartClasses:
@@ -11,4 +11,5 @@ def _parts() -> PartClasses:
 
 CAPABILITY = Capability(
     groups=(Group(Stage.SENSING, has_cameras, _parts),),
+    after=("flight",),
 )

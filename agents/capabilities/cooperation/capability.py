@@ -1,7 +1,7 @@
 """One picture of the objects that several platforms see."""
 
+from agents.capabilities.capability import Capability, Group, PartClasses, Stage, always
 from agents.capabilities.cooperation.requests import SHARE
-from agents.capability import Capability, Group, PartClasses, Stage, always
 
 
 def _parts() -> PartClasses:

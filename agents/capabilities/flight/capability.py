@@ -1,7 +1,7 @@
 """A UAV flies: estimates of its vehicle, orders to it; faults of one that is simulated."""
 
+from agents.capabilities.capability import Capability, Group, PartClasses, Stage, has_vehicle, is_simulated
 from agents.capabilities.flight.requests import FLIGHT
-from agents.capability import Capability, Group, PartClasses, Stage, has_vehicle, is_simulated
 
 
 def _vehicle() -> PartClasses:
@@ -23,5 +23,4 @@ CAPABILITY = Capability(
         Group(Stage.SENSING, is_simulated, _faults),
     ),
     requests=FLIGHT,
-    after=("cameras",),
 )

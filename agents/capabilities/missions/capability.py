@@ -1,6 +1,6 @@
 """A UAV pursues goals: it leads, performs, proposes and takes over missions; one without a vehicle relays them."""
 
-from agents.capability import Capability, Group, PartClasses, Stage, has_no_vehicle, has_vehicle
+from agents.capabilities.capability import Capability, Group, PartClasses, Stage, has_no_vehicle, has_vehicle
 
 
 def _with_vehicle() -> PartClasses:

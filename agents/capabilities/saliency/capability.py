@@ -1,6 +1,6 @@
 """A map of persons that several platforms find."""
 
-from agents.capability import Capability, Group, PartClasses, Stage, always
+from agents.capabilities.capability import Capability, Group, PartClasses, Stage, always
 
 
 def _parts() -> PartClasses:

@@ -1,6 +1,6 @@
 """Vehicles keep apart: intents, meetings, manoeuvres, and a record of each encounter."""
 
-from agents.capability import Capability, Group, PartClasses, Stage, always
+from agents.capabilities.capability import Capability, Group, PartClasses, Stage, always
 
 
 def _parts() -> PartClasses:

@@ -9,7 +9,6 @@ from functools import partial
 from typing import Final
 
 from agents.capabilities.flight.pilot import Pilot
-from agents.capabilities.separation.allowed_places import may_fly_to
 from agents.capabilities.separation.logic import STEPS, SeparationLogic
 from agents.capabilities.separation.neighbourhood import Neighbourhood
 from agents.capabilities.separation.neighbours import Traffic3D
@@ -126,3 +125,19 @@ def _flown_on(
     north_m_s, east_m_s = ((here[:2] - before[:2]) / STEP_S).tolist()
     up_m_s = float(here[2] + here[3] - before[2] - before[3]) / 2.0 / STEP_S
     return FlatMotion(float(here[0]), float(here[1]), float(here[2] + here[3]) / 2.0, north_m_s, east_m_s, up_m_s)
+
+
+def may_fly_to(pilot: Pilot, origin: FlatOrigin, place: FlatPlace, before: FlatPlace | None = None) -> bool:
+    """Whether it may be sent to a place, straight from the one before it; None: from where it is."""
+    order = pilot.stop(place.altitude_m, origin.degrees(place.north_m, place.east_m))
+    if before is None or pilot.fix is None:
+        return pilot.refusal(order) is None
+    latitude_deg, longitude_deg = origin.degrees(before.north_m, before.east_m)
+    start = pilot.fix._replace(
+        latitude_deg=latitude_deg,
+        longitude_deg=longitude_deg,
+        altitude_m=before.altitude_m,
+        north_m_s=0.0,
+        east_m_s=0.0,
+    )
+    return pilot.refusal(order, start=start) is None

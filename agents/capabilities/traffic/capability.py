@@ -1,6 +1,6 @@
 """Aircraft that are no members."""
 
-from agents.capability import Capability, Group, PartClasses, Stage, always
+from agents.capabilities.capability import Capability, Group, PartClasses, Stage, always
 
 
 def _parts() -> PartClasses:

@@ -43,6 +43,7 @@ class Blank(NamedTuple):
     """A content that says nothing: only its head counts."""
 
     head: str
+    lasting = False
 
     def expr(self) -> Expr:
         return Expr(self.head, {})

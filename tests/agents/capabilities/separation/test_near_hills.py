@@ -3,7 +3,7 @@
 import pytest
 
 from agents.capabilities.flight.flight import FlightAgent
-from agents.capabilities.separation.allowed_places import may_fly_to
+from agents.capabilities.separation.situation_view import may_fly_to
 from agents.places import FlightLimits
 from navigation.intents.path import FlatOrigin, FlatPlace
 from navigation.terrain.elevation import Elevation

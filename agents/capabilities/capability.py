@@ -12,7 +12,6 @@ from importlib import import_module
 from pkgutil import iter_modules
 from typing import TYPE_CHECKING, Final, NamedTuple, TypeAlias
 
-from agents import capabilities
 from agents.actions import Action
 from agents.tasks.requests import TYPED
 from dyknow.model.errors import UnitError
@@ -22,7 +21,7 @@ if TYPE_CHECKING:
     from agents.part import Part
 
 PartClasses: TypeAlias = "Sequence[type[Part]]"
-MODULE: Final = "capability"
+PACKAGE: Final = "agents.capabilities"
 
 
 class Stage(Enum):
@@ -102,7 +101,7 @@ def found() -> dict[str, Capability]:
     Raises:
         UnitError: a folder of `agents/capabilities` has no capability, or two are after each other.
     """
-    read = {each.name: _read(each.name) for each in iter_modules(capabilities.__path__) if each.ispkg}
+    read = {each.name: _read(each.name) for each in iter_modules(import_module(PACKAGE).__path__) if each.ispkg}
     ordered: dict[str, Capability] = {}
 
     def put(name: str, above: tuple[str, ...]) -> None:
@@ -119,9 +118,11 @@ def found() -> dict[str, Capability]:
 
 
 def _read(name: str) -> Capability:
-    made = getattr(import_module(f"{capabilities.__name__}.{name}.{MODULE}"), "CAPABILITY", None)
+    made = getattr(import_module(f"{PACKAGE}.{name}.capability"), "CAPABILITY", None)
     if not isinstance(made, Capability):
-        raise UnitError(f"agents/capabilities/{name}/{MODULE}.py has no CAPABILITY; write CAPABILITY = Capability(...)")
+        raise UnitError(
+            f"agents/capabilities/{name}/capability.py has no CAPABILITY; write CAPABILITY = Capability(...)"
+        )
     return made
 
 
