@@ -55,7 +55,6 @@ class Action:
         handler: the part's method that takes (act, content, node clock); it answers, or raises.
         performatives: with which of these it is understood.
         role: the least role, with a roster, whose members may ask for it.
-        lasting: whether it is agreed to and lives until it is cancelled.
         typed: whether a person can ask for it by `dyknow delegate`.
         inner: parameters that only platforms give each other.
     """
@@ -64,13 +63,17 @@ class Action:
     handler: str
     performatives: frozenset[Performative] = REQUESTED
     role: Role = Role.DELEGATE
-    lasting: bool = False
     typed: bool = False
     inner: tuple[str, ...] = ()
 
     @property
     def head(self) -> str:
         return self.content.head
+
+    @property
+    def lasting(self) -> bool:
+        """Whether it is agreed to and lives until it is cancelled."""
+        return self.content.lasting
 
 
 class Offer(NamedTuple):

@@ -152,7 +152,7 @@ class RunSearch(NamedTuple):
     """Search for a plan in a process of its own, at most for `limit_us`; `SearchNews` and `SearchOver` report on it.
 
     `units`: the units that may act; None: all. `looking`: a problem of looking instead, in the format of
-    `planning/contingent/sent_problems.py`; `reading`: texts to be read instead, as of `agents/missions/mission_texts.py`.
+    `planning/contingent/sent_problems.py`; `reading`: texts to be read instead, as of `agents/capabilities/missions/mission_texts.py`.
     """
 
     number: int

@@ -11,8 +11,9 @@ from types import ModuleType
 from typing import Final
 
 from agents.actions import Action
+from agents.capabilities.capability import Stage, all_parts
 from agents.part import Part
-from agents.parts import PARTS
+from agents.parts import PLATFORM
 from compunits import load_module
 from dyknow.model.errors import UnitError
 from federation.sharing.ontology import Ontology, default_ontology
@@ -47,13 +48,18 @@ def load_extension(name: str) -> Extension:
     return Extension(module, parts, str(getattr(module, "LABELS", "")))
 
 
+def own_parts() -> tuple[type[Part], ...]:
+    """The classes of all parts there are besides those of extensions, whichever platform has them."""
+    return (*(part for part in PLATFORM if not isinstance(part, Stage)), *all_parts())
+
+
 def typed_actions(extensions: Iterable[str] = ()) -> Mapping[str, Action]:
     """Actions that a user can request by `dyknow delegate`, by head; actions of extensions come last.
 
     Raises:
         UnitError: an extension does not load.
     """
-    parts = [*PARTS, *(part for name in extensions for part in load_extension(name).parts)]
+    parts = [*own_parts(), *(part for name in extensions for part in load_extension(name).parts)]
     actions = (action for part in parts for offer in part.offers for action in offer.actions)
     return {action.head: action for action in actions if action.typed}
 

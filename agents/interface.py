@@ -16,7 +16,7 @@ from federation.members.correspondence import OnSilence
 from federation.members.directory import DirectoryEvent
 from federation.members.member import Member, MemberAgents
 from federation.messages.acts import Act, Performative
-from federation.messages.contents import Content, Done, Reason
+from federation.messages.contents import Content, Done, Reason, is_lasting
 
 P = Performative
 T = TypeVar("T")
@@ -28,7 +28,6 @@ class InterfaceAgent:
 
     Args:
         make_member: makes the member from the callbacks that receive its events.
-        lasting: the heads of requests that live until they are cancelled.
         audit_log: takes every act that passes.
         on_peer: called with every change of a peer.
         contain: contains errors of the callback that takes an answer.
@@ -42,13 +41,12 @@ class InterfaceAgent:
     def __init__(
         self,
         make_member: Callable[[MemberAgents], Member],
-        lasting: frozenset[str],
         audit_log: AuditLog,
         on_peer: Callable[[PeerChange, int], None],
         contain: Containment,
     ) -> None:
         self.member, self._contain = make_member(self), contain
-        self.unit, self.audit_log, self._lasting, self._publish = self.member.unit, audit_log, lasting, on_peer
+        self.unit, self.audit_log, self._publish = self.member.unit, audit_log, on_peer
         self.acts = self.member.acts
         self.conversations = self.acts.conversations
         self.requests: list[Act] = []
@@ -100,7 +98,7 @@ class InterfaceAgent:
                 on_reply=on_answer,
                 on_silence=on_no_answer,
                 within_us=reply_within_us,
-                standing=content.head in self._lasting,
+                standing=content.lasting,
                 conversation=conversation,
                 evidence=evidence,
             )
@@ -118,7 +116,7 @@ class InterfaceAgent:
         """Answer an act that came in, in its conversation."""
         if act.sender.unit == self.unit:
             return
-        standing = performative is P.AGREE and act.content is not None and act.content.head in self._lasting
+        standing = performative is P.AGREE and act.content is not None and is_lasting(act.content.head)
         self.acts.answer(act, performative, content, now_us, standing=standing)
 
     def answer_pages(

@@ -6,7 +6,7 @@ method `of` with the same two. Each is made when it is first asked for, once.
 
 from collections.abc import Callable, Mapping, Sequence
 from collections.abc import Set as AbstractSet
-from dataclasses import dataclass
+from dataclasses import dataclass, field
 from functools import cached_property
 from typing import Protocol, TypeAlias, TypeVar
 
@@ -17,7 +17,8 @@ from agents.containment import Containment
 from agents.effects import Effect
 from agents.interface import InterfaceAgent
 from agents.part import Part, PeerChange
-from dyknow import Label, Network
+from dyknow import Label, Network, Policy
+from dyknow.model.errors import UnitError
 from federation.members.clock import Offset
 from federation.members.directory import DirectoryFacilitator
 from federation.members.imports import Imports
@@ -41,10 +42,6 @@ Needs: TypeAlias = Mapping[str, AbstractSet[tuple[str, int, int]]]
 class PartsAbove(Protocol):
     """The services of parts for parts that are built before them."""
 
-    @property
-    def lasting(self) -> frozenset[str]:
-        """The heads of requests that live until they are cancelled."""
-
     def offer(self, at_us: int) -> None:
         """Tell the directory that labels or conditions of a part have changed, at a time (node clock)."""
 
@@ -53,15 +50,6 @@ class PartsAbove(Protocol):
 
     def handling(self) -> Sequence[Part]:
         """The parts whose actions can be asked for."""
-
-    def on_moved(self, at_us: int) -> None:
-        """An estimate of where the vehicle is was made (node clock)."""
-
-    def on_own_alarm(self, event: AlarmEvent) -> None:
-        """A monitor of this platform has raised an alarm, or ended it."""
-
-    def origin(self) -> LocalFrame | None:
-        """The origin of places on the ground: that of cameras, or the home of the vehicle, once it is known."""
 
     def instance(self) -> Instance:
         """The specification as it runs."""
@@ -76,6 +64,10 @@ class PartsAbove(Protocol):
         """The streams of others that monitors need."""
 
 
+def _no_call(semantic: str, _label: Label, _policy: Policy) -> Callable[[], None]:
+    raise UnitError(f"this platform calls for no streams, and so not for {semantic}; write the unit that has it")
+
+
 @dataclass(eq=False)
 class Ports:
     """The platform as its parts see it.
@@ -87,6 +79,10 @@ class Ports:
         now_us: the node clock of the present step.
         contain: the fate of an exception of a part.
         above: the services of parts for others that are built before them.
+        origins: further origins of places on the ground, as the home of a vehicle, once it is known.
+        moved: called after each estimate of where the vehicle is, with the node clock.
+        annotators: add to an alarm of a monitor of this platform before all parts are told.
+        call: calls for a stream that its specification declares: semantic label, label here, policy; returns how to end it.
     """
 
     config: PlatformConfig
@@ -102,6 +98,10 @@ class Ports:
     now_us: Callable[[], int]
     contain: Containment
     above: PartsAbove
+    origins: list[Callable[[], LocalFrame | None]] = field(default_factory=list)
+    moved: list[Callable[[int], None]] = field(default_factory=list)
+    annotators: list[Callable[[AlarmEvent], AlarmEvent]] = field(default_factory=list)
+    call: Callable[[str, Label, Policy], Callable[[], None]] = _no_call
 
     def __post_init__(self) -> None:
         config = self.config
@@ -111,7 +111,6 @@ class Ports:
         self.network.instant.contain = self.contain.stream_out_us
         above = self.above
         self.offer, self.offered, self.handling = above.offer, above.offered, above.handling
-        self.on_moved, self.on_own_alarm, self.origin = above.on_moved, above.on_own_alarm, above.origin
         self.instance, self.source = above.instance, above.source
         self.declared, self.monitored = above.declared, above.monitored
 
@@ -130,7 +129,7 @@ class Ports:
                 kind="uav", zid=config.zid, clock=self.clock, trust=config.trust, tails=self.exports.tails,
             )  # fmt: skip
 
-        return InterfaceAgent(member, self.above.lasting, audit_log, self.on_peer, self.contain)
+        return InterfaceAgent(member, audit_log, self.on_peer, self.contain)
 
     @property
     def member(self) -> Member:
@@ -182,6 +181,21 @@ class Ports:
     @cached_property
     def exports(self) -> Exports:
         return Exports(self.unit, self.boot, self.clock.wall_us)
+
+    def on_moved(self, at_us: int) -> None:
+        """An estimate of where the vehicle is was made (node clock)."""
+        for each in self.moved:
+            self.contain.call(each, at_us, otherwise=None)
+
+    def on_own_alarm(self, event: AlarmEvent) -> None:
+        """A monitor of this platform has raised an alarm, or ended it."""
+        for annotated in self.annotators:
+            event = self.contain.call(annotated, event, otherwise=event)
+        self.on_alarm(event)
+
+    def origin(self) -> LocalFrame | None:
+        """The origin of places on the ground: that of cameras, or the first of `origins` that is known."""
+        return self.camera_frame or next(filter(None, (origin() for origin in self.origins)), None)
 
     @property
     def camera_frame(self) -> LocalFrame | None:

@@ -11,8 +11,9 @@ from collections.abc import Callable, Iterable
 from dataclasses import replace
 from pathlib import Path
 from queue import Empty
-from typing import Any
+from typing import TYPE_CHECKING, Any
 
+from agents.capabilities.flight.flight import FlightAgent
 from agents.directory.directory import DirectoryAgent
 from agents.effects import (
     Compute,
@@ -31,7 +32,6 @@ from agents.effects import (
     Tell,
     Waited,
 )  # fmt: skip
-from agents.flight.flight import FlightAgent
 from agents.monitoring.monitor_plans import PlanBook
 from agents.platform import Platform
 from dyknow.model.errors import DecodeError, DyknowError, EndpointFailed, RosterError
@@ -49,18 +49,18 @@ from runtime.configuration.config import NodeConfig
 from runtime.configuration.resolved import platform_config
 from runtime.configuration.road_files import check_place
 from runtime.configuration.session import reaches_beyond, unprotected, wire_options
-from runtime.journal.journal import Journal
-from runtime.journal.recorded_runs import about, journalled
 from runtime.learnt_files import keep
 from runtime.loop import Pressure, SteppedNode, leave_alone_what_is_loaded, step
 from runtime.mailbox import Mailbox
-from runtime.metrics import PlatformMetrics, metrics_of
-from runtime.recordings.encounter_files import keep_encounter
 from runtime.records import NoteLimit
 from runtime.searches.workers import SearchWorkers
 from runtime.specified import Specified
 from runtime.vehicles import Vehicle, VehiclePorts
 from runtime.workers import WorkerThreads
+
+if TYPE_CHECKING:
+    from runtime.journal.journal import Journal
+    from runtime.metrics import PlatformMetrics
 
 WRONG, FAILED = 2, 3
 """Exit codes of the process: its configuration does not work, or it failed later."""
@@ -167,7 +167,10 @@ class PlatformProcess:
         )
         check_place(self.config.roads, config.roads, config.cameras)
         platform = self._platform = Platform(config, started_us)
-        self._metrics = metrics_of(self.config, platform, self.clock.now_us, self.mailbox, lambda: self._journal)
+        if self.config.metrics is not None:
+            from runtime.metrics import metrics_of
+
+            self._metrics = metrics_of(self.config, platform, self.clock.now_us, self.mailbox, lambda: self._journal)
         self._perform_all(platform.start(self.clock.now_us()))
         self._let_hosts_in()
         labels = [entry.label for part in _flights(platform) for entry in part.labels()]
@@ -175,8 +178,7 @@ class PlatformProcess:
         self._vehicle.start()
         if self._specified is not None:
             self._specified.start()
-        self._journal = None if self.config.journal is None else self._new_journal(self.config.journal)
-        self._node = platform if self._journal is None else journalled(platform, self._journal, self._stopwatch)
+        self._node = platform if self.config.journal is None else self._journalled(platform, self.config.journal)
         trust, key = platform.config.trust, self.config.trust.key
         if trust is not None and key is not None:
             self._accepted = AcceptedActs(key, trust.verifier, self.impair)
@@ -250,12 +252,16 @@ class PlatformProcess:
             config.spec, config.feed, self.mailbox.post, self._note, self.clock.now_us, clock.federation_us
         )
 
-    def _new_journal(self, path: Path) -> Journal | None:
+    def _journalled(self, platform: Platform, path: Path) -> SteppedNode[Event, Any]:
+        from runtime.journal.journal import Journal
+        from runtime.journal.recorded_runs import about, journalled
+
         try:
-            return Journal(path, about(self.config, self._federation_clock))
+            self._journal = Journal(path, about(self.config, self._federation_clock))
         except OSError as wrong:
             self.impair(f"there is no journal: {wrong}")
-            return None
+            return platform
+        return journalled(platform, self._journal, self._stopwatch)
 
     def _insist_on_trust(self) -> None:
         """Refuse to take part where strangers could, unless that is allowed; note what is not protected."""
@@ -325,6 +331,8 @@ class PlatformProcess:
         elif kind is Keep:
             keep(self.config.learnt, self.config.unit, effect, self._note)
         elif kind is KeepEncounter:
+            from runtime.recordings.encounter_files import keep_encounter
+
             keep_encounter(self.config.encounters, self.config.unit, effect, self._note)
         elif kind is Tell:
             self._say({**effect.record, "unit": self.config.unit})

@@ -110,6 +110,16 @@ def test_no_import_circle_among_the_drawers_of_a_room(graph: grimp.ImportGraph) 
     assert not found
 
 
+def test_the_platform_imports_no_capability(graph: grimp.ImportGraph) -> None:
+    """What a UAV can do is imported by the platforms that have it; the platform knows how a capability is found."""
+    inside = graph.find_descendants("agents.capabilities") - {"agents.capabilities.capability"}
+    assert not {
+        (module, imported)
+        for module in graph.find_descendants("agents") - inside
+        for imported in graph.find_modules_directly_imported_by(module) & inside
+    }
+
+
 @pytest.mark.parametrize("top", [*ROOMS, "bench", "tests"])
 def test_a_folder_holds_few_modules(top: str) -> None:
     counts = Counter(path.parent for path in (ROOT / top).rglob("*.py") if path.stem != "__init__")

@@ -4,8 +4,6 @@ from collections.abc import Callable, Iterable, Iterator
 from typing import TYPE_CHECKING, Any, Protocol, TypeAlias
 
 from agents.actions import QUERIED, Action, Offer, Role
-from agents.cooperation.cooperation import Cooperation
-from agents.cooperation.handover import Handover
 from agents.exchange.label_agreements import LabelAgreements
 from agents.part import Part
 from agents.ports import PartRegistry, Ports
@@ -74,7 +72,6 @@ class ObjectQueries(Part):
     def __init__(self, ports: Ports, parts: PartRegistry) -> None:
         self.histories: list[ObjectHistories] = []
         self._agent, self._agreements, self._instance = ports.agent, parts[LabelAgreements], ports.instance()
-        self._cooperation, self._handover = parts[Cooperation], parts[Handover]
 
     def on_object_list(self, act: Act, content: ObjectList, now_us: int) -> None:
         """`(object-list)`, or `(object-list type: car)`: of one type, or of the stream of that name."""
@@ -118,16 +115,12 @@ class ObjectQueries(Part):
         )
 
     def _events(self, unit: str, symbol: str | None) -> Iterator[ObjectEvent]:
-        network, picture = self._instance.network, self._cooperation.picture
+        network = self._instance.network
         for each, _ in self._wanted(unit):
             if symbol in {None, each.symbol}:
                 yield ObjectEvent(at_us=each.since_us, event="wanted", target=each.symbol, because=_described(each))
         for histories in self.histories:
             yield from (event for label, event in histories(symbol) if self._may_see(unit, label))
-        if picture is not None and self._may_see(unit, self._cooperation.tracks):
-            for event in (*picture.events(symbol), *self._handover.events(symbol)):
-                why = event.because[:LONGEST_REASON]
-                yield ObjectEvent(at_us=event.valid_us, event=event.kind, target=event.name, because=why)
         for label in network.labels():
             linkage: LinkHistory | None = getattr(network.process(label), "linkage", None)
             if linkage is not None and self._may_see(unit, label):

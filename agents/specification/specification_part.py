@@ -9,7 +9,6 @@ from collections.abc import Iterable, Mapping
 from functools import lru_cache, partial
 from typing import Any, Final
 
-from agents.calls.calls import Calls
 from agents.effects import Fed, FedTogether, HostCame, HostEvent, HostLeft, HostMessage, Specify, Tell, Waited
 from agents.exchange.export_proxy import ExportProxy
 from agents.exchange.import_proxy import ImportProxy
@@ -99,7 +98,7 @@ class SpecificationPart(Part):
         self._monitors = parts[UnitMonitors.of]
         self._agreements, self._importer = parts[LabelAgreements], parts[ImportProxy]
         self._ontology = ports.translation.ontology
-        self._plans, self._exporter, self._calls = parts[PlanBook.of], parts[ExportProxy.of], parts[Calls]
+        self._plans, self._exporter, self._ports = parts[PlanBook.of], parts[ExportProxy.of], ports
         self._keeper, self._offer, self._now_us = parts[SubscriptionKeeper], ports.offer, ports.now_us
         self._emit, self._note = ports.emit, ports.note
         self._followed: Followed = (self, parts[UnitMonitoring], parts[LocalInstance])
@@ -309,7 +308,7 @@ class SpecificationPart(Part):
     def import_(self, semantic: str, unit: str, term: StreamTerm) -> Undo:
         """Have a unit's stream under a label of our own; it is asked for while it has a subscriber here."""
         if unit == CALLED:
-            return self._calls.stream(semantic, term.label, term.policy)
+            return self._ports.call(semantic, term.label, term.policy)
         if unit == self._unit:
             raise Refused(f"import {semantic} from {unit}: that is this platform; use its stream itself", "own-stream")
         policy = term.policy

@@ -1,4 +1,4 @@
-"""The tasks that can be delegated by hand, each as the `Action` that its part offers; the parts need not be loaded."""
+"""The tasks of the platform itself that can be delegated by hand, each as the `Action` of its part; the parts need not be loaded."""
 
 from typing import Final
 
@@ -6,34 +6,18 @@ from agents.actions import CHECKED, Action, Role
 from federation.messages import contents
 from federation.messages.acts import Performative
 
-MONITOR_PROXIMITY: Final = Action(contents.MonitorProximity, "on_monitor_proximity", lasting=True, typed=True)
+MONITOR_PROXIMITY: Final = Action(contents.MonitorProximity, "on_monitor_proximity", typed=True)
 CREATE_MONITOR: Final = Action(
     contents.CreateMonitor,
     "on_create_monitor",
-    lasting=True,
     typed=True,
     inner=("coordinator", "generation", "parameters", "profile", "task"),
 )
 REMOVE_MONITOR: Final = Action(contents.RemoveMonitor, "on_remove_monitor", typed=True)
 CHECK_FORMULA: Final = Action(contents.CheckFormula, "on_check", CHECKED, typed=True)
-WHEN: Final = Action(contents.When, "on_when", frozenset({Performative.REQUEST_WHEN}), lasting=True)
-CREATE_MULTICAST: Final = Action(contents.CreateMulticast, "on_create_multicast", lasting=True, typed=True)
+WHEN: Final = Action(contents.When, "on_when", frozenset({Performative.REQUEST_WHEN}))
+CREATE_MULTICAST: Final = Action(contents.CreateMulticast, "on_create_multicast", typed=True)
 STOP_MULTICAST: Final = Action(contents.StopMulticast, "on_stop_multicast", typed=True)
-FLIGHT: Final = tuple(
-    Action(content, handler, role=Role.COMMAND_CENTRE, typed=True)
-    for content, handler in (
-        (contents.Goto, "on_goto"),
-        (contents.Hold, "on_hold"),
-        (contents.Land, "on_land"),
-        (contents.ReturnHome, "on_return_home"),
-        (contents.Resume, "on_resume"),
-    )
-)
-FOLLOW: Final = Action(contents.Follow, "on_follow", role=Role.COMMAND_CENTRE, lasting=True, typed=True)
-ATTEND: Final = Action(contents.Attend, "on_attend", role=Role.COMMAND_CENTRE, lasting=True, typed=True)
-WANT: Final = Action(contents.WantObject, "on_want", lasting=True, typed=True)
-DIVIDE_AREA: Final = Action(contents.DivideArea, "on_divide", lasting=True, typed=True)
-SHARE: Final = Action(contents.Share, "on_share", role=Role.COMMAND_CENTRE, typed=True)
 MEMBERSHIP: Final = tuple(
     Action(content, handler, role=Role.COMMAND_CENTRE, typed=True)
     for content, handler in ((contents.Leave, "on_leave"), (contents.Rejoin, "on_rejoin"))
@@ -51,11 +35,5 @@ TYPED: Final = (
     CREATE_MULTICAST,
     STOP_MULTICAST,
     RESET,
-    *FLIGHT,
-    FOLLOW,
-    ATTEND,
-    WANT,
-    DIVIDE_AREA,
-    SHARE,
     *MEMBERSHIP,
 )

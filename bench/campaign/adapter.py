@@ -5,10 +5,10 @@ All the rest of the campaign knows where the vehicles really are, which orders w
 
 from typing import NamedTuple
 
-from agents.flight.flight import FlightAgent
+from agents.capabilities.flight.flight import FlightAgent
+from agents.capabilities.separation.giving_way import GivingWay
+from agents.capabilities.separation.situation_view import OLD_US
 from agents.platform import Platform
-from agents.separation.giving_way import GivingWay
-from agents.separation.situation_view import OLD_US
 from sim_uavs.dynamics.flight import Mode
 
 LEAVES = frozenset({Mode.AUTO, Mode.RTL, Mode.LAND})

@@ -7,7 +7,7 @@ from typing import Final
 
 from numpy.random import Generator
 
-from agents.cooperation.remote_percepts import RemotePercepts
+from agents.capabilities.cooperation.remote_percepts import RemotePercepts
 from anchoring.cooperation.picture import GlobalPicture
 from anchoring.cooperation.reports import IdentityClaim, TrackReport
 from anchoring.cooperation.sharing import TRACKS_US, SharingLevel

@@ -10,9 +10,9 @@ from queue import SimpleQueue
 from threading import Thread
 from typing import Any, NamedTuple
 
+from agents.capabilities.flight.flight import FlightAgent
 from agents.config import PlatformConfig
 from agents.directory.directory import DirectoryAgent
-from agents.flight.flight import FlightAgent
 from agents.monitoring.monitor_plans import PlanBook
 from agents.platform import Platform
 from dyknow import Sample

@@ -5,11 +5,11 @@ from contextlib import contextmanager
 from random import Random
 from time import process_time
 
+from agents.capabilities.separation.logic import STEPS, SeparationLogic
+from agents.capabilities.separation.neighbours import Neighbours
+from agents.capabilities.separation.records import intent_of, intent_value
+from agents.capabilities.separation.situation import Situation
 from agents.places import Fix
-from agents.separation.logic import STEPS, SeparationLogic
-from agents.separation.neighbours import Neighbours
-from agents.separation.records import intent_of, intent_value
-from agents.separation.situation import Situation
 from bench.rows import Figures, Limit, Options, Side
 from dyknow import Sample
 from navigation.intents.intent import Contingency, IntendedPlace, Intent, IntentEnding, IntentSource, RightOfWay

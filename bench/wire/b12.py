@@ -8,7 +8,7 @@ from contextlib import ExitStack, contextmanager
 from functools import partial
 from typing import Any
 
-from agents.flight.flight import FlightAgent
+from agents.capabilities.flight.flight import FlightAgent
 from bench.fleet.members import Member, Source
 from bench.rows import Options, Ratio, Side
 from bench.wire.raw import PATIENCE_S, latencies

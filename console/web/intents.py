@@ -7,7 +7,7 @@ a page little.
 from collections.abc import Mapping
 from typing import Any, Final
 
-from agents.separation.records import intent_of
+from agents.capabilities.separation.records import intent_of
 from console.web.differences import Row
 from console.web.rows import text
 from dyknow.model.sample import Sample

@@ -25,14 +25,13 @@ def typed(extensions: tuple[str, ...] = ()) -> "Mapping[str, Action]":
     Raises:
         UnitError: an extension does not load.
     """
-    from agents.tasks.requests import TYPED
+    from agents.capabilities.capability import typed_requests
 
-    actions = {action.head: action for action in TYPED}
-    if extensions:
-        from agents.extensions import typed_actions  # loads all parts of a platform, which takes 0.4 s
+    if not extensions:
+        return typed_requests()
+    from agents.extensions import typed_actions  # loads all parts of a platform, which takes 0.4 s
 
-        actions |= typed_actions(extensions)
-    return actions
+    return {**typed_requests(), **typed_actions(extensions)}
 
 
 def values_of(task: str, pairs: Sequence[str], extensions: tuple[str, ...] = ()) -> dict[str, str]:

@@ -10,9 +10,9 @@ from pathlib import Path
 
 from pydantic import ValidationError
 
+from agents.capabilities.flight.flight import FlightAgent
+from agents.capabilities.flight.vehicle_streams import ESTIMATE
 from agents.effects import Effect, Tell
-from agents.flight.flight import FlightAgent
-from agents.flight.vehicle_streams import ESTIMATE
 from agents.platform import Platform
 from dyknow import Policy, Predicted, Quality, Sample, of_json
 from dyknow.model.errors import DecodeError, WrongCall

@@ -28,7 +28,7 @@ from runtime.client import Client, Job, Wait
 from runtime.library.jobs import GRACE_S, MOST_LEADERS, failure_of, lists, platforms
 
 if TYPE_CHECKING:
-    from agents.missions.mission_texts import MissionTexts
+    from agents.capabilities.missions.mission_texts import MissionTexts
 
 P = Performative
 Consent = Callable[[list[tuple[str, MissionProposal]]], bool]
@@ -93,7 +93,7 @@ def begin_mission(
         Refused: it is declined, a platform does not permit it, or it is not consented to.
         FederationFailed: there is no answer.
     """
-    from agents.missions.mission_texts import read_mission
+    from agents.capabilities.missions.mission_texts import read_mission
 
     texts = read_mission(
         wanted.domain, wanted.problem, wanted.constraints, wanted.actions,
@@ -162,7 +162,7 @@ def _called(
     client: Client, call: CallForMission, texts: "MissionTexts", leaders: Sequence[str], consent: Consent
 ) -> Job[Dialogue]:
     """The contract net: the cheapest proposal that can be is taken, the next if it is not kept, and the others are left."""
-    from agents.missions.proposal_checks import unbelievable
+    from agents.capabilities.missions.proposal_checks import unbelievable
 
     within_s = AGREE_S + call.timeout_s
     calls = [client.say(unit, P.CFP, call, within_s=within_s, standing=True) for unit in leaders]

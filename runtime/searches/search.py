@@ -12,7 +12,7 @@ import time
 from collections.abc import Callable, Mapping
 from typing import Any, Final
 
-from agents.missions.mission_texts import texts_record
+from agents.capabilities.missions.mission_texts import texts_record
 from dyknow.model.errors import DyknowError
 from dyknow.model.instants import print_span
 from planning.contingent.sent_problems import planned_record

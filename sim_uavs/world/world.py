@@ -34,7 +34,6 @@ from agents.effects import (
     Tell,
     TellHost,
 )
-from agents.parts import lasting_heads
 from agents.platform import Platform
 from dyknow.model.errors import Refused, TextError
 from federation.members.clock import FederationClock
@@ -55,8 +54,6 @@ from sim_uavs.world.units import DriftingClock, WorldNode, WorldVehicle
 from sim_uavs.world.wire import LEASE_US, Wire
 
 START_US, TRUTH_US = 1_700_000_000_000_000, 100_000
-LASTING = lasting_heads()
-"""Requests that live until they are cancelled."""
 T = TypeVar("T")
 
 
@@ -266,7 +263,7 @@ class World:
             try:
                 dialogue.conversation = member.acts.ask(
                     to, content, now_us, performative=performative, on_reply=dialogue.on_reply,
-                    on_silence=dialogue.on_silence, within_us=within_us, standing=content.head in LASTING,
+                    on_silence=dialogue.on_silence, within_us=within_us, standing=content.lasting,
                 )  # fmt: skip
             except Refused as refused:
                 dialogue.on_silence(refused.reason, now_us)

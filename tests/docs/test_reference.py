@@ -5,7 +5,7 @@ import re
 from collections.abc import Iterator
 from typing import Any
 
-from agents.tasks.requests import TYPED
+from agents.capabilities.capability import typed_requests
 from federation.sharing.ontology import default_ontology
 from reasoning import builtin_profiles
 from runtime.configuration.settings import OPTION_KEYS, VARIABLES, UnitFile
@@ -28,8 +28,8 @@ def test_every_task_and_every_key_of_it_is_listed() -> None:
     rows = {
         name: row for row in section("Tasks").splitlines() for name in words(row.split("|")[1] if "|" in row else "")
     }
-    assert [action.head for action in TYPED if action.head not in rows] == []
-    for action in TYPED:
+    assert [action.head for action in typed_requests().values() if action.head not in rows] == []
+    for action in typed_requests().values():
         fields = action.content.model_fields.items()
         keys = {field.alias or name for name, field in fields if name not in action.inner}
         assert keys <= words(rows[action.head]), action.head

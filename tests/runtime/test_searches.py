@@ -10,8 +10,8 @@ from queue import Empty, SimpleQueue
 
 import pytest
 
+from agents.capabilities.missions.mission_texts import read_mission, texts_in
 from agents.effects import EndSearch, RunSearch, SearchNews, SearchOver
-from agents.missions.mission_texts import read_mission, texts_in
 from runtime.searches.workers import MOST, SearchWorkers
 
 EXAMPLES = Path(__file__).parents[2] / "examples" / "missions"

@@ -2,7 +2,7 @@
 
 from typing import Any
 
-from agents.flight.pilot import Pilot
+from agents.capabilities.flight.pilot import Pilot
 from dyknow import Sample
 from navigation.vehicle import Command, GoToOrder, PositionReport, Report, VelocityReport
 from sim_uavs.dynamics.faults import parse_fault

@@ -68,7 +68,7 @@ from federation.messages.contents.objects import (
     Share,
     WantObject,
 )
-from federation.messages.contents.parts import MAX_LIST, Content, ContentPart, prepare, read
+from federation.messages.contents.parts import MAX_LIST, Content, ContentPart, is_lasting, prepare, read
 from federation.messages.contents.platform import (
     ActList,
     ActLog,
@@ -218,6 +218,7 @@ __all__ = [
     "Verdict",
     "WantObject",
     "When",
+    "is_lasting",
     "prepare",
     "read",
 ]

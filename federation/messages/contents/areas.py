@@ -1,7 +1,7 @@
 """Areas that are divided among platforms (thesis 9.2.3)."""
 
 from itertools import chain
-from typing import Annotated
+from typing import Annotated, ClassVar
 
 from pydantic import AfterValidator, Field
 
@@ -54,6 +54,7 @@ class DivideArea(parts.Content):
     With `scan_m` each scans its piece with its cameras, flying at that height above its home.
     """
 
+    lasting: ClassVar[bool] = True
     area: Border
     sensor: SemanticLabel | None = None
     scan_m: ScanHeight | None = Field(default=None, alias="scan_m")

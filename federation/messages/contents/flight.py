@@ -1,6 +1,6 @@
 """Orders to a vehicle, and faults of simulated ones."""
 
-from typing import Annotated, Literal
+from typing import Annotated, ClassVar, Literal
 
 from pydantic import Field
 
@@ -40,12 +40,15 @@ class Hold(Content):
 class Follow(Content):
     """Fly after an object that you see, `standoff_m` away from it, at the altitude that you have."""
 
+    lasting: ClassVar[bool] = True
     object: Word
     standoff_m: Annotated[float, Field(ge=0, le=500)] = Field(default=20.0, alias="standoff_m")
 
 
 class Attend(Content):
     """Turn the camera to the objects with the greatest need: lost, new, wanted or undecided ones."""
+
+    lasting: ClassVar[bool] = True
 
 
 class Land(Content):
@@ -96,7 +99,7 @@ class FlightOutlook(Content):
     """Where will your vehicle fly, on whose behalf, and within what? The query is empty, the answer is not.
 
     Attributes:
-        commander: who has the vehicle, as `agents.flight.arbiter` names it.
+        commander: who has the vehicle, as `agents.capabilities.flight.arbiter` names it.
         doing: its flight, in words.
         ahead: the places that it flies to next, in their order; `again`: over and over.
         altitude_m: of the first of them, above mean sea level.

@@ -1,6 +1,6 @@
 """Missions: goals and plans that are delegated, the vehicles that take part in them, and questions to users (thesis 7.2)."""
 
-from typing import Annotated, Literal
+from typing import Annotated, ClassVar, Literal
 
 from pydantic import Field
 
@@ -31,6 +31,7 @@ class FlyMission(parts.Content):
         chain: the delegators, the first one first.
     """
 
+    lasting: ClassVar[bool] = True
     mission: parts.Conversation
     domain: DomainText
     problem: DomainText
@@ -80,6 +81,7 @@ class PermitMission(parts.Content):
 class JoinMission(parts.Content):
     """Have your vehicle take part in a mission that the sender leads, until this is cancelled."""
 
+    lasting: ClassVar[bool] = True
     mission: parts.Conversation
     chain: Chain = ()
 

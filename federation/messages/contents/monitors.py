@@ -12,6 +12,7 @@ from federation.messages.sexpr import Expr
 class MonitorProximity(parts.Content):
     """The task of 9.4: watch that platforms keep apart."""
 
+    lasting: ClassVar[bool] = True
     profile: parts.Word | None = None
     avoidance: bool | None = None
     sample_period_s: parts.Period | None = None
@@ -24,6 +25,7 @@ class CreateMonitor(parts.Content):
     `generation` counts its coordinators from 1.
     """
 
+    lasting: ClassVar[bool] = True
     name: parts.Word
     profile: parts.Word | None = None
     task: parts.Conversation | None = None
@@ -177,6 +179,7 @@ def _expression(value: Any) -> Expr:
 class When(parts.Content):
     """Do what `do` asks for, once, as soon as the formula `condition` is true; give up after `timeout_s`."""
 
+    lasting: ClassVar[bool] = True
     do: Annotated[Any, AfterValidator(_expression)]
     condition: parts.Formula
     timeout_s: Annotated[float, Field(gt=0, le=3600)] = 600.0

@@ -126,6 +126,7 @@ class WantObject(parts.Content):
     """
 
     head: ClassVar[str] = "want"
+    lasting: ClassVar[bool] = True
     symbol: parts.Word
     type: parts.Line
     description: Annotated[str, Field(min_length=1, max_length=1000), parts.TO_PARSE]

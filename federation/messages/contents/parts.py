@@ -204,7 +204,13 @@ def _said(value: Any, word: Callable[[str], ExprValue] | None) -> ExprValue:
 
 
 class Content(ContentPart):
-    """A part that can be the whole content of an act; the others only occur inside."""
+    """A part that can be the whole content of an act; the others only occur inside.
+
+    Attributes:
+        lasting: whether a request of it is agreed to and lives until it is cancelled.
+    """
+
+    lasting: ClassVar[bool] = False
 
     @classmethod
     def __pydantic_init_subclass__(cls, **given: Any) -> None:
@@ -236,6 +242,12 @@ def prepare() -> None:
     """Build all models now; else each is built when its head is first read, which takes a few milliseconds."""
     for kind in _CONTENTS.values():
         kind.model_rebuild()
+
+
+def is_lasting(head: str) -> bool:
+    """Whether requests that begin with `head` live until they are cancelled."""
+    kind = _CONTENTS.get(head)
+    return kind is not None and kind.lasting
 
 
 def read(expr: Expr) -> Content:

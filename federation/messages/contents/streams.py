@@ -1,6 +1,6 @@
 """Streams set up, and values asked for (thesis 9.3.3)."""
 
-from typing import Annotated, Literal, Self, TypeAlias
+from typing import Annotated, ClassVar, Literal, Self, TypeAlias
 
 from pydantic import AfterValidator, Field, model_validator
 
@@ -30,6 +30,7 @@ PolicyText = Annotated[str, Field(max_length=MAX_POLICY), AfterValidator(_policy
 class CreateMulticast(parts.Content):
     """Export the streams of some labels to some units: every `sample_period_s`, not later than `delay_s`."""
 
+    lasting: ClassVar[bool] = True
     semantic_labels: parts.SemanticLabels
     sample_period_s: parts.Period
     delay_s: parts.Seconds

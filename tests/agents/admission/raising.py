@@ -8,9 +8,9 @@ from typing import Any
 import pytest
 
 from agents.containment import place_of
+from agents.extensions import own_parts
 from agents.interface import InterfaceAgent
 from agents.part import Part
-from agents.parts import PARTS
 from agents.platform import Platform
 from dyknow.network.generator import Generator
 
@@ -26,7 +26,7 @@ def callbacks(kind: type[Part]) -> list[str]:
     return list(dict.fromkeys([*own, *handlers, *kind.takes.values(), *kind.arrivals.values()]))
 
 
-CASES = [(kind.__name__, name) for kind in PARTS for name in callbacks(kind)]
+CASES = [(kind.__name__, name) for kind in own_parts() for name in callbacks(kind)]
 """Every callback of every part there is."""
 
 
@@ -37,7 +37,7 @@ class Fuses:
         fired: how often each has raised.
     """
 
-    def __init__(self, patch: pytest.MonkeyPatch, kinds: tuple[type[Part], ...] = PARTS) -> None:
+    def __init__(self, patch: pytest.MonkeyPatch, kinds: tuple[type[Part], ...] = own_parts()) -> None:
         self.armed: set[tuple[str, str]] = set()
         self.fired: Counter[tuple[str, str]] = Counter()
         self.seen: set[tuple[str, str]] = set()

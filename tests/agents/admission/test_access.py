@@ -4,9 +4,9 @@ import pytest
 
 from agents.actions import COORDINATION, Action, Offer, ServiceTable
 from agents.admission.admission import NOT_TAKEN, Admission
+from agents.capabilities.separation.giving_way import GivingWay
 from agents.monitoring.alarm_log import AlarmLog
 from agents.platform import Platform
-from agents.separation.giving_way import GivingWay
 from dyknow.model.errors import ContentError
 from federation.members.offers import Visibility
 from federation.messages.acts import Act, AgentName, Performative, print_act

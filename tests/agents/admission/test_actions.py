@@ -3,8 +3,8 @@
 import pytest
 
 from agents.actions import COMMON_ANSWERS, QUERIED, Action, Role
-from agents.missions.relaying import MissionRelay
-from agents.parts import PARTS
+from agents.capabilities.missions.relaying import MissionRelay
+from agents.extensions import own_parts
 from federation.members.offers import Service, Visibility
 from federation.messages.acts import Act, AgentName, Performative
 from federation.messages.codec import encode_act
@@ -17,7 +17,7 @@ from tests.federation.expressions import parse_expr
 from tests.federation.messages.test_contents import TEXTS
 
 P = Performative
-WITH_VEHICLE = [part for part in PARTS if part is not MissionRelay]
+WITH_VEHICLE = [part for part in own_parts() if part is not MissionRelay]
 """A relay takes what the leading of missions does, on platforms that have no vehicle to lead with."""
 ACTIONS = [(offer.service, action) for part in WITH_VEHICLE for offer in part.offers for action in offer.actions]
 IDS = [action.head for _, action in ACTIONS]
@@ -30,7 +30,7 @@ def own(kind: type[Content]) -> bool:
 
 def test_every_content_is_an_action_of_one_part_or_an_answer() -> None:
     handled = [action.content for _, action in ACTIONS]
-    answers = {kind for part in PARTS for kind in part.answers} | set(COMMON_ANSWERS)
+    answers = {kind for part in own_parts() for kind in part.answers} | set(COMMON_ANSWERS)
     assert len(handled) == len(set(handled))
     kinds = set(parts._CONTENTS.values())
     assert {kind for kind in kinds if own(kind)} == set(handled) | answers
@@ -38,7 +38,7 @@ def test_every_content_is_an_action_of_one_part_or_an_answer() -> None:
 
 
 def test_every_action_has_a_handler() -> None:
-    for part in PARTS:
+    for part in own_parts():
         for offer in part.offers:
             for action in offer.actions:
                 assert callable(getattr(part, action.handler)), f"{part.__name__}.{action.handler}"

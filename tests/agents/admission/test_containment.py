@@ -7,7 +7,6 @@ import pytest
 from agents.admission.admission import Admission
 from agents.containment import DEAF_US, QUIET_US, TRIES
 from agents.exchange.peer_motion import PeerMotion
-from agents.flight.flight import FlightAgent
 from agents.monitoring.unit_monitoring import UnitMonitoring
 from dyknow import Network, Policy, Sort
 from federation.messages.contents import Goto, MonitorProximity, Tasks
@@ -169,7 +168,7 @@ def test_nobody_is_silenced_that_commands_or_may_be_blamed_for_others(
 
 def test_the_pilot_flies_on_though_giving_way_raises(wire: Box, monkeypatch: pytest.MonkeyPatch) -> None:
     platform = pair(wire)
-    platform.part(FlightAgent)._on_moved = fail
+    platform.ports.moved[:] = [fail]
     question = wire.asked("cc", "0", Goto(latitude_deg=58.0, longitude_deg=15.0, altitude_m=60.0))
     wire.run(2)
     assert question.performatives == ["agree", "inform"]

@@ -7,7 +7,7 @@ from typing import Any
 
 import pytest
 
-from agents.flight.flight import FlightAgent
+from agents.capabilities.flight.flight import FlightAgent
 from agents.platform import Platform
 from federation import keys
 from federation.messages.acts import Act, AgentName, Performative

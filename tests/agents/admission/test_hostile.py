@@ -8,8 +8,8 @@ from random import Random
 import psutil
 import pytest
 
+from agents.capabilities.flight.flight import FlightAgent
 from agents.config import PlatformConfig
-from agents.flight.flight import FlightAgent
 from agents.monitoring.alarm_log import AlarmLog
 from agents.platform import Platform
 from dyknow.model.errors import DecodeError

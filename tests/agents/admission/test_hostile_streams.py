@@ -12,15 +12,15 @@ from typing import Any
 
 import pytest
 
+from agents.capabilities.cooperation.cooperation import Cooperation
 from agents.config import PlatformConfig
-from agents.cooperation.cooperation import Cooperation
 from federation.messages.contents import MonitorProximity
 from sim_uavs.world.world import World
-from tests.agents.cooperation.federations import SPEC, Federation
+from tests.agents.capabilities.cooperation.federations import SPEC, Federation
+from tests.agents.capabilities.missions.flown import Flown
+from tests.agents.capabilities.saliency.rescuing import Rescue
 from tests.agents.hostile import HostileMember
-from tests.agents.missions.flown import Flown
 from tests.agents.rosters import trust
-from tests.agents.saliency.rescuing import Rescue
 from tests.box import Box, Vehicle
 
 FULL = bool(os.environ.get("DYKNOW_FULL"))

@@ -3,7 +3,7 @@
 import pytest
 
 from agents.admission.mission_permits import MOST, Permits
-from agents.missions.performing import Performing
+from agents.capabilities.missions.performing import Performing
 from agents.tasks.authority import PERMIT_US, TaskEvidence
 from dyknow.model.errors import Refused
 from federation.messages.acts import Performative

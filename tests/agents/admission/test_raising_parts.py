@@ -9,8 +9,8 @@ import pytest
 from agents.actions import Action
 from agents.admission import admission
 from agents.directory.directory import DirectoryAgent
+from agents.extensions import own_parts
 from agents.part import Part
-from agents.parts import PARTS
 from agents.platform import Platform
 from federation import keys
 from federation.messages.acts import Performative
@@ -21,7 +21,7 @@ from federation.transport import Asked
 from navigation.vehicle import GoToOrder
 from reasoning import AlarmEvent
 from tests.agents.admission.raising import CASES, Fuses, callbacks
-from tests.agents.separation.meetings import orders
+from tests.agents.capabilities.separation.meetings import orders
 from tests.box import Box, Vehicle
 
 FULL = bool(os.environ.get("DYKNOW_FULL"))
@@ -43,6 +43,7 @@ class Blank(NamedTuple):
     """A content that says nothing: only its head counts."""
 
     head: str
+    lasting = False
 
     def expr(self) -> Expr:
         return Expr(self.head, {})
@@ -63,13 +64,13 @@ def federation(wire: Box, **zero: Any) -> Platform:
 
 
 def actions(kind: str, method: str) -> list[Action]:
-    part = next(each for each in PARTS if each.__name__ == kind)
+    part = next(each for each in own_parts() if each.__name__ == kind)
     return [action for offer in part.offers for action in offer.actions if action.handler == method]
 
 
 def provoke(wire: Box, kind: str, method: str) -> None:
     """Have that callback called on platform 0."""
-    part = next(each for each in PARTS if each.__name__ == kind)
+    part = next(each for each in own_parts() if each.__name__ == kind)
     for action in actions(kind, method):
         said: Any = Blank(action.head)
         if Performative.INFORM in action.performatives:
@@ -205,7 +206,7 @@ def test_whatever_takes_a_sample_or_an_answer_can_raise(wire: Box, fuses: Fuses)
 
 
 PARTS_SHORT = ["GivingWay", "UnitMonitoring", "Shedding", "Checks", "MessageLog", "Cooperation"]
-NAMES = [kind.__name__ for kind in PARTS]
+NAMES = [kind.__name__ for kind in own_parts()]
 
 
 @pytest.mark.parametrize(
@@ -220,7 +221,7 @@ def test_two_that_converge_give_way_whichever_part_raises_in_everything(wire: Bo
     wire.question("cc", "0", MonitorProximity())
     wire.run(3.0)
     fuses.platforms += [wire.platform("0"), wire.platform("1")]
-    part = next(each for each in PARTS if each.__name__ == kind)
+    part = next(each for each in own_parts() if each.__name__ == kind)
     fuses.armed = {(kind, name) for name in callbacks(part)}
     wire.run(30.0)
     assert set(wire.platforms) == {"0", "1"}

@@ -4,7 +4,7 @@ from hashlib import sha256
 
 import pytest
 
-from agents.calls.bids import OF_A_CENTRE
+from agents.capabilities.calls.bids import OF_A_CENTRE
 from agents.exchange.dormant import MOST_OF_ONE as WAITING
 from agents.subscribers import OF_ONE as FOLLOWED
 from agents.tasks.life import OF_ONE
@@ -21,7 +21,7 @@ from federation.messages.contents import (
 )
 from federation.security.trust import Role, Roster, RosterMember, Signer, Trust
 from federation.shares import ACTS_BURST
-from tests.agents.calls.market import offer
+from tests.agents.capabilities.calls.market import offer
 from tests.agents.rosters import trust
 from tests.box import EPOCH, Box, Question, Vehicle
 

@@ -5,8 +5,8 @@ from typing import Any
 
 import pytest
 
+from agents.capabilities.flight.flight import FlightAgent
 from agents.exchange.peer_motion import SHOWN_US
-from agents.flight.flight import FlightAgent
 from dyknow import Policy
 from dyknow.model.sample import Sample
 from federation.messages.contents import MonitorProximity

@@ -10,12 +10,12 @@ from random import Random
 from typing import Any, Final, NamedTuple
 
 from agents.admission.admission import Admission
-from agents.areas.assignment import MOST_OF_ONE, AreaAssignment
+from agents.capabilities.areas.assignment import MOST_OF_ONE, AreaAssignment
+from agents.capabilities.flight.arbiter import Commander
+from agents.capabilities.flight.flight import FlightAgent
 from agents.config import PlatformConfig
 from agents.effects import Specify
 from agents.exchange.import_proxy import STREAMS_OF_ONE
-from agents.flight.arbiter import Commander
-from agents.flight.flight import FlightAgent
 from agents.places import FlightLimits
 from compunits import catalogue
 from dyknow.model.errors import ContentError

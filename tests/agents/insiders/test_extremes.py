@@ -2,9 +2,9 @@
 
 import pytest
 
-from agents.areas.assignment import AreaAssignment
-from agents.areas.division import AreaDivision
-from agents.flight.arbiter import Commander
+from agents.capabilities.areas.assignment import AreaAssignment
+from agents.capabilities.areas.division import AreaDivision
+from agents.capabilities.flight.arbiter import Commander
 from federation.messages import contents
 from federation.messages.contents.parts import LAST_GENERATION, next_generation
 from navigation.vehicle import HoldOrder

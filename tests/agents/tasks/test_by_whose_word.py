@@ -14,8 +14,8 @@ from random import Random
 
 import pytest
 
-from agents.areas.assignment import AreaAssignment
-from agents.missions.performing import Performing
+from agents.capabilities.areas.assignment import AreaAssignment
+from agents.capabilities.missions.performing import Performing
 from agents.platform import Platform
 from agents.tasks.authority import LIFE_US
 from agents.tasks.command_watch import CommandWatch

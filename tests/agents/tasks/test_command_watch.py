@@ -5,8 +5,8 @@ from random import Random
 
 import pytest
 
-from agents.areas.assignment import AreaAssignment
-from agents.missions.performing import Performing
+from agents.capabilities.areas.assignment import AreaAssignment
+from agents.capabilities.missions.performing import Performing
 from agents.monitoring.alarm_log import AlarmLog
 from agents.tasks.command_watch import COMMANDER, MOST, QUIET_US, REFUSED, SETTLED_US, CommandWatch
 from dyknow.model.errors import Refused

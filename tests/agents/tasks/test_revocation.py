@@ -5,9 +5,9 @@ from dataclasses import replace
 import pytest
 
 from agents.actions import Role
-from agents.areas.assignment import AreaAssignment
-from agents.areas.division import AreaDivision
-from agents.missions.performing import Performing
+from agents.capabilities.areas.assignment import AreaAssignment
+from agents.capabilities.areas.division import AreaDivision
+from agents.capabilities.missions.performing import Performing
 from agents.tasks.command_watch import REVOKED, REVOKED_US, CommandWatch
 from federation.messages.acts import Performative
 from federation.messages.contents import (

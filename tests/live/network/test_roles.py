@@ -13,7 +13,7 @@ from queue import SimpleQueue
 import pytest
 
 from agents.actions import QUERIED, Action, Role
-from agents.parts import PARTS
+from agents.extensions import own_parts
 from federation.members.command_centre import CommandCentre
 from federation.messages.acts import Performative
 from federation.messages.contents import Reason, read
@@ -44,7 +44,7 @@ ASKED = (
     '(add-declarations text: "stream s = altitude[self]")',
     "(remove-declarations names: (sequence s))",
 )
-ACTIONS = {action.head: action for part in PARTS for offer in part.offers for action in offer.actions}
+ACTIONS = {action.head: action for part in own_parts() for offer in part.offers for action in offer.actions}
 
 
 def seed(unit: str) -> bytes:

@@ -2,7 +2,7 @@
 
 import pytest
 
-from agents.flight.errand import Errand, OrderProgress
+from agents.capabilities.flight.errand import Errand, OrderProgress
 from dyknow.model.errors import Refused
 from sim_uavs.dynamics.flight import Mode
 from sim_uavs.dynamics.missions import Item, MissionAction

@@ -2,8 +2,8 @@
 
 import pytest
 
-from agents.flight.arbiter import Commander
-from agents.flight.errand import OrderProgress
+from agents.capabilities.flight.arbiter import Commander
+from agents.capabilities.flight.errand import OrderProgress
 from agents.places import FlightPlan, Waypoint
 from dyknow.model.errors import Refused
 from navigation.vehicle import Arm, GoToOrder, HoldOrder, LandOrder, Order, ReturnHomeOrder, SetGuided, TakeOffOrder

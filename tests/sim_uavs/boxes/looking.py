@@ -5,7 +5,7 @@ from typing import NamedTuple
 
 import numpy as np
 
-from agents.cameras.perception import ImageLook, Perception
+from agents.capabilities.cameras.perception import ImageLook, Perception
 from dyknow import NO_VALUE
 from navigation.fusion import PositionFilter
 from navigation.geodesy import LocalFrame

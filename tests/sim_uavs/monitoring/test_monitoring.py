@@ -13,7 +13,7 @@ from sim_uavs.dynamics.scenarios import scenario
 from sim_uavs.monitoring.specifications import READY
 from sim_uavs.roads.layouts import network_of
 from sim_uavs.streets import roads_of, traffic_of
-from tests.agents.cameras.watching import START_US, Watching
+from tests.agents.capabilities.cameras.watching import START_US, Watching
 from tests.sim_uavs.monitoring.truth import chronicle_of, passages
 
 FULL = bool(os.environ.get("DYKNOW_FULL"))

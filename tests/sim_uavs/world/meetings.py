@@ -6,9 +6,9 @@ from math import cos, dist, radians, sin
 from random import Random
 from typing import Final, NamedTuple
 
+from agents.capabilities.separation.giving_way import GivingWay
 from agents.config import PlatformConfig
 from agents.places import FlightPlan, Waypoint
-from agents.separation.giving_way import GivingWay
 from federation.messages.contents import MonitorProximity
 from federation.messages.dialogue import Dialogue
 from navigation.geodesy import LocalFrame

@@ -15,7 +15,7 @@ from dyknow.model.errors import NothingFound, WrongCall
 from runtime.client import Client, command_centre
 from runtime.configuration.settings import Settings
 from runtime.library.pictures.bands import bands as asked_bands
-from tests.agents.traffic.heard import Straight, listen
+from tests.agents.capabilities.traffic.heard import Straight, listen
 from tests.box import EPOCH, Box
 
 Lines = Callable[[], list[dict[str, Any]]]

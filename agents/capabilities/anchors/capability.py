@@ -1,0 +1,15 @@
+"""A UAV looks again when an anchor is ambiguous."""
+
+from agents.capabilities.capability import Capability, Group, PartClasses, Stage, attends
+
+
+def _parts() -> PartClasses:
+    from agents.capabilities.anchors.recovering import RecoveringAnchors
+
+    return (RecoveringAnchors,)
+
+
+CAPABILITY = Capability(
+    groups=(Group(Stage.SENSING, attends, _parts),),
+    after=("attention",),
+)

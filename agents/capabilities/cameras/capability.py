@@ -1,0 +1,15 @@
+"""What a UAV with cameras sees: images become percepts on the ground."""
+
+from agents.capabilities.capability import Capability, Group, PartClasses, Stage, has_cameras
+
+
+def _parts() -> PartClasses:
+    from agents.capabilities.cameras.cameras import Cameras
+
+    return (Cameras,)
+
+
+CAPABILITY = Capability(
+    groups=(Group(Stage.SENSING, has_cameras, _parts),),
+    after=("flight",),
+)

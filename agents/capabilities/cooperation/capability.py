@@ -1,0 +1,17 @@
+"""One picture of the objects that several platforms see."""
+
+from agents.capabilities.capability import Capability, Group, PartClasses, Stage, always
+from agents.capabilities.cooperation.requests import SHARE
+
+
+def _parts() -> PartClasses:
+    from agents.capabilities.cooperation.cooperation import Cooperation
+    from agents.capabilities.cooperation.handover import Handover
+
+    return (Cooperation, Handover)
+
+
+CAPABILITY = Capability(
+    groups=(Group(Stage.REACTING, always, _parts),),
+    requests=(SHARE,),
+)

@@ -1,0 +1,26 @@
+"""A UAV flies: estimates of its vehicle, orders to it; faults of one that is simulated."""
+
+from agents.capabilities.capability import Capability, Group, PartClasses, Stage, has_vehicle, is_simulated
+from agents.capabilities.flight.requests import FLIGHT
+
+
+def _vehicle() -> PartClasses:
+    from agents.capabilities.flight.flight import FlightAgent
+    from agents.capabilities.flight.vehicle_streams import WinchStream
+
+    return (WinchStream, FlightAgent)
+
+
+def _faults() -> PartClasses:
+    from agents.capabilities.flight.flight import Faults
+
+    return (Faults,)
+
+
+CAPABILITY = Capability(
+    groups=(
+        Group(Stage.SENSING, has_vehicle, _vehicle),
+        Group(Stage.SENSING, is_simulated, _faults),
+    ),
+    requests=FLIGHT,
+)

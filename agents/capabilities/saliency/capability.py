@@ -1,0 +1,15 @@
+"""A map of persons that several platforms find."""
+
+from agents.capabilities.capability import Capability, Group, PartClasses, Stage, always
+
+
+def _parts() -> PartClasses:
+    from agents.capabilities.saliency.saliency import Saliency
+
+    return (Saliency,)
+
+
+CAPABILITY = Capability(
+    groups=(Group(Stage.REACTING, always, _parts),),
+    after=("cooperation",),
+)

@@ -1,0 +1,15 @@
+"""Aircraft that are no members."""
+
+from agents.capabilities.capability import Capability, Group, PartClasses, Stage, always
+
+
+def _parts() -> PartClasses:
+    from agents.capabilities.traffic.traffic import Traffic
+
+    return (Traffic,)
+
+
+CAPABILITY = Capability(
+    groups=(Group(Stage.SENSING, always, _parts),),
+    after=("flight",),
+)
