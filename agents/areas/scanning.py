@@ -240,7 +240,8 @@ class Scanning(Part):
     def _tell(self, scan: _Scan, federation_us: int, now_us: int) -> None:
         valid_us = federation_us // PERIOD_US * PERIOD_US
         value = (scan.task, scan.grid.share, scan.grid.text())
-        self._network.push(self._label, valid_us, self._translation.to_local(SCANNED)(value), federation_us)
+        sample = Sample(federation_us, valid_us, value)
+        self._network.push(self._label, self._translation.to_local(SCANNED).sample(sample))
         own = scan.grid.seen[scan.mine].mean() if scan.mine.any() else 1.0
         if self._joined == scan.task or scan.is_over:
             self._show(f"scan: {own:.0%} of its piece, {scan.grid.share:.0%} of the area was in view for 5 s", now_us)

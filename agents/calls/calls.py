@@ -15,7 +15,7 @@ from agents.exchange.local_instance import LocalInstance
 from agents.part import Part
 from agents.ports import PartRegistry, Ports
 from dyknow import Label, Policy, Sample
-from dyknow.network.generator import Subscription
+from dyknow.network.generator import Consumer, Subscription
 from dyknow.network.process import Input
 from federation.calls.call import StreamCall
 from federation.calls.kept_record import KeptRecord, Unkept
@@ -32,7 +32,7 @@ class CalledStream:
     """One stream that is called for, and where it comes from now."""
 
     def __init__(
-        self, wanted: WantedStream, begin: Callable[["CalledStream"], StreamCall], take: Callable[[Sample], None]
+        self, wanted: WantedStream, begin: Callable[["CalledStream"], StreamCall], take: Consumer
     ) -> None:
         self.wanted, self._begin, self._take = wanted, begin, take
         self.call: StreamCall | None = None
@@ -87,10 +87,7 @@ class Calls(Part):
         raw = Label(f"called-{label.feature}", label.objects)
         source = network.add_source(raw, translation.local_sort(semantic), KEPT)
 
-        def take(sample: Sample) -> None:
-            source.push(sample.valid_us, sample.value, sample.available_us, sample.quality)
-
-        called = CalledStream(wanted, self._begin, take)
+        called = CalledStream(wanted, self._begin, source.push)
         sort = translation.ontology[semantic].sort
         unit = converting(sort, translation.to_semantic(semantic))
         network.add_process(label, sort, Imported(unit, Input(raw, policy), partial(called.need, now_us=self._now_us)))

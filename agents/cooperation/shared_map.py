@@ -78,7 +78,8 @@ class SharedMap(Part):
         return [ontology.entry(name) for name in self.made if self._network.has(self._labels[name])]
 
     def _push(self, name: str, valid_us: int, value: Value, now_us: int) -> None:
-        self._network.push(self._labels[name], valid_us, self._translation.to_local(name)(value), now_us)
+        sample = Sample(now_us, valid_us, value)
+        self._network.push(self._labels[name], self._translation.to_local(name).sample(sample))
 
     def _show(
         self,

@@ -125,7 +125,7 @@ class VehicleStreams:
     def _push(self, samples: Sequence[Sample], now_us: int) -> Sequence[Sample]:
         self._note_health(now_us)
         for sample in samples:
-            self._network.push(self.estimate, sample.valid_us, sample.value, now_us)
+            self._network.push(self.estimate, sample.available_at(now_us))
             self._push_others(sample.valid_us, sample.value, now_us)
         return samples
 
@@ -157,7 +157,7 @@ class VehicleStreams:
         if valid_us > self._newest_us.get(name, -1):
             self._newest_us[name] = valid_us
             local, to_local = self._pushed[name]
-            self._network.push(local, valid_us, to_local(value), now_us, to_local.quality(quality))
+            self._network.push(local, to_local.sample(Sample(now_us, valid_us, value, quality)))
 
 
 def _position(estimate: Estimate) -> tuple[Value, Quality]:
@@ -226,6 +226,6 @@ class WinchStream(Part):
             self._is_offered = True
             self._network.add_source(self._label, self._translation.local_sort(LOAD))
             self._offer(now_us)
-        value = self._to_local((report.load_kg, report.line_m))
-        self._network.push(self._label, report.valid_us, value, self._clock.federation_us(now_us))
+        load = Sample(self._clock.federation_us(now_us), report.valid_us, (report.load_kg, report.line_m))
+        self._network.push(self._label, self._to_local.sample(load))
         return NOT_MINE

@@ -104,9 +104,8 @@ class Neighbourhood(Part):
         if intent is not None:
             intent = self._conformance.shown(intent)
             self._sent_us = fix.valid_us
-            self._network.push(
-                self._label, fix.valid_us, self._to_local(intent_value(intent)), self._clock.federation_us(now_us)
-            )
+            sample = Sample(self._clock.federation_us(now_us), fix.valid_us, intent_value(intent))
+            self._network.push(self._label, self._to_local.sample(sample))
 
     # -- others' -----------------------------------------------------------------------------------------------
 

@@ -143,7 +143,7 @@ class SpecificationPart(Part):
     def on_fed(self, event: Fed, now_us: int) -> None:
         """A source that is fed from outside has a sample. Node clock."""
         now_us = self._clock.federation_us(now_us)
-        self.instance.push(event.source, event.valid_us, event.value, now_us, event.quality)
+        self.instance.push(event.source, Sample(now_us, event.valid_us, event.value, event.quality))
 
     def on_fed_together(self, event: FedTogether, now_us: int) -> None:
         """Sources that are fed from outside have samples of one instant. Node clock."""

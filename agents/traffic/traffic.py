@@ -220,9 +220,10 @@ class Traffic(Part):
         to_local = self._translation.to_local(TRAFFIC)
         for one in own.values():
             quality = Quality(prediction=Predicted(min(one.heard_us, valid_us)))
-            self._network.push(self._label, valid_us, to_local(traffic_value(one)), federation_us, quality)
+            sample = Sample(federation_us, valid_us, traffic_value(one), quality)
+            self._network.push(self._label, to_local.sample(sample))
         for identity in self._sent - own.keys():
-            self._network.push(self._label, valid_us, to_local(ended_value(identity)), federation_us)
+            self._network.push(self._label, to_local.sample(Sample(federation_us, valid_us, ended_value(identity))))
         self._sent = set(own)
 
     def _look(self, own: MemberState | None, valid_us: int, federation_us: int, now_us: int) -> None:

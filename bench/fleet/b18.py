@@ -9,7 +9,7 @@ from time import process_time
 from agents.monitoring.monitor_plans import PlanBook
 from agents.monitoring.monitors import UnitMonitors
 from bench.rows import Figures, Limit, Options, Side
-from dyknow import Label, Network
+from dyknow import Label, Network, Sample
 from federation.sharing.ontology import default_ontology
 from reasoning import AlarmEvent, builtin_profiles
 
@@ -90,7 +90,7 @@ class _Fleet:
             self._positions[unit] = latitude + velocity[0] * 1e-6, longitude + velocity[1] * 1e-6
             values = (self._positions[unit], (100.0 + at,), velocity)
             for name, value in zip(LABELS, values, strict=True):
-                self._network.push(self._labels[name, unit], valid_us, value, now_us)
+                self._network.push(self._labels[name, unit], Sample(now_us, valid_us, value))
         for one in self._monitors:
             one.on_time(now_us)
         self._network.on_time(now_us)

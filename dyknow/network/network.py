@@ -5,7 +5,7 @@ from functools import partial
 
 from dyknow.model.errors import LabelAlreadyExists, SortError, UnknownLabel, ValueNotAvailable
 from dyknow.model.labels import Label
-from dyknow.model.sample import SURE, Quality, Value
+from dyknow.model.sample import Sample
 from dyknow.model.values import Sort
 from dyknow.network.computational_unit import UnitFunction, component
 from dyknow.network.generator import Consumer, Generator, Subscription
@@ -62,8 +62,8 @@ class Network:
         """
         return self._add(Generator(Label.of(label), sort, history or self._history), None)
 
-    def push(self, label: Label | str, valid_us: int, value: Value, now_us: int, quality: Quality = SURE) -> None:
-        """A source has a new sample.
+    def push(self, label: Label | str, sample: Sample) -> None:
+        """A source has a new sample, available now.
 
         Raises:
             UnknownLabel: no generator carries `label`.
@@ -71,8 +71,8 @@ class Network:
         generator = self._generators.get(label)  # type: ignore[arg-type]
         if generator is None:
             generator = self.generator(label)  # a text is parsed here, off the fast path
-        self.now_us = now_us
-        generator.push(valid_us, value, now_us, quality)
+        self.now_us = sample.available_us
+        generator.push(sample)
 
     def add_unit(
         self, label: Label, sort: Sort, function: UnitFunction, inputs: Sequence[tuple[Label, Policy]]

@@ -247,10 +247,10 @@ class RefinementProcess(OnDemand):
             self.fault(f"{self.prototype.name} made what is not of its sort: {wrong}")
             return
         if self.adapter is None:
-            self.emit(output.valid_us, output.value, now_us, output.quality)
+            self.emit(output.available_at(now_us))
             return
-        for each in self.adapter.on_sample(output._replace(available_us=now_us), now_us):
-            self.emit(each.valid_us, each.value, now_us, each.quality)
+        for each in self.adapter.on_sample(output.available_at(now_us), now_us):
+            self.emit(each.available_at(now_us))
 
     def _report(self, faults: Sequence[str]) -> None:
         for each in faults:
@@ -348,7 +348,7 @@ def _work(unit: UnitAtWork, taken: Sequence[WaitingElement]) -> Work:
         faults: list[str] = []
         for element, available_us, _ in taken:
             outcome = unit.take(element, available_us)
-            outputs += [each._replace(available_us=available_us) for each in outcome.outputs]
+            outputs += [each.available_at(available_us) for each in outcome.outputs]
             faults += outcome.faults
         return Outcome(tuple(outputs), tuple(faults))
 
@@ -378,4 +378,4 @@ class EagerUnit:
         for element in self._join.take():
             available_us = max([sample.available_us for sample in element.values()])
             for output in self._unit.outputs_of(element, available_us):
-                self._generator.push(output.valid_us, output.value, available_us, output.quality)
+                self._generator.push(output.available_at(available_us))

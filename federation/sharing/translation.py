@@ -10,6 +10,7 @@ from dyknow.model.labels import Label
 from dyknow.model.sample import Quality, Sample, Value
 from dyknow.model.semantic_labels import SemanticLabel
 from dyknow.model.values import NO_VALUE, Field, NoValue, Sort
+from dyknow.network.generator import Consumer
 from federation import keys
 from federation.sharing.ontology import EXAMPLE, Ontology
 
@@ -90,6 +91,12 @@ class LabelConversion:
         if self.is_same or sample.value is NO_VALUE:
             return sample
         return sample._replace(value=self(sample.value), quality=self.quality(sample.quality))
+
+    def into(self, consumer: Consumer) -> Consumer:
+        """A consumer of samples in the one form for a consumer of the other: the same if nothing changes."""
+        if self.is_same:
+            return consumer
+        return lambda sample: consumer(self.sample(sample))
 
     def quality(self, quality: Quality) -> Quality:
         """The covariance of converted numbers; a covariance that is not of all fields is left out."""

@@ -5,7 +5,7 @@ from dataclasses import replace
 from typing import NamedTuple
 
 from anchoring.roads.network import RoadNetwork
-from dyknow import SURE, Label, Network, Quality, Sample, Sort, Value
+from dyknow import Label, Network, Sample, Sort
 from dyknow.model.errors import DyknowError, Refused, TextError, TextErrors, TooEarly, file_of
 from dyknow.model.semantic_labels import SemanticLabel
 from dyknow.network.factory import Prototypes
@@ -175,9 +175,9 @@ class Instance:
         """Prototypes without an offer, and the generators that wait for them."""
         return self.parts.lacking
 
-    def push(self, source: str, valid_us: int, value: Value, now_us: int, quality: Quality = SURE) -> None:
+    def push(self, source: str, sample: Sample) -> None:
         """A source that is fed from outside has a new sample; where nothing is made from it, it is dropped."""
-        self.parts.push(source, valid_us, value, now_us, quality)
+        self.parts.push(source, sample)
 
     def sources(self) -> tuple[str, ...]:
         """The declared sources that are fed from outside."""

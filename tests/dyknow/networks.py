@@ -88,7 +88,7 @@ def pass_time(network, until_us):
 def feed(network, events):
     for source, valid_us, value, now_us in events:
         pass_time(network, now_us)
-        network.push(label(source), valid_us, value, now_us)
+        network.push(label(source), Sample(now_us, valid_us, value))
 
 
 def refine(network, at, prototype, inputs):

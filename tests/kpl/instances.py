@@ -69,7 +69,7 @@ class Running:
         at_us = self.now_us + 10_000 if at_us is None else at_us
         pass_time(self.network, at_us)
         self.network.now_us = at_us
-        self.instance.push(source, at_us, value, at_us)
+        self.instance.push(source, Sample(at_us, at_us, value))
 
     def wait(self, until_us):
         pass_time(self.network, until_us)

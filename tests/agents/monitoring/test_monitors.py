@@ -132,7 +132,7 @@ def test_the_alarms_are_those_of_a_monitor_for_each_pair_by_itself(seed: int, sp
         ours.create(plan, "test", 0)
         pairs += [OnePair(plan, other, network, expected) for other in OTHERS]
     for at_us, name, valid_us, value in sorted(each for number in range(1, 70) for each in flights.fly(number)):
-        network.push(Label.parse(name), valid_us, value, at_us)
+        network.push(Label.parse(name), Sample(at_us, valid_us, value))
         for each in (network, ours, *pairs):
             each.on_time(at_us)
     assert sorted(told, key=repr) == sorted(expected, key=repr)
@@ -153,8 +153,8 @@ def test_an_alarm_names_the_valid_time_of_every_sample_of_its_state() -> None:
     for number, metres in enumerate((300, 300, 5, 300, 300)):
         at_us = number * PERIOD_US
         for unit, north_m in ((UNIT, 0), ("1", metres)):
-            network.push(Label("heli-position", (unit,)), at_us, (58.4 + north_m / 111_320, 15.5), at_us + 5)
-            network.push(Label("heli-altitude", (unit,)), at_us, (50.0,), at_us + 9)
+            network.push(Label("heli-position", (unit,)), Sample(at_us + 5, at_us, (58.4 + north_m / 111_320, 15.5)))
+            network.push(Label("heli-altitude", (unit,)), Sample(at_us + 9, at_us, (50.0,)))
     names = {f"{name}[{unit}]" for name in LABELS[:2] for unit in (UNIT, "1")}
     assert [(each.event, each.valid_us, each.samples_us) for each in told] == [
         ("opened", 200_000, dict.fromkeys(names, 200_000)),
@@ -177,7 +177,7 @@ def test_an_alarm_of_a_pair_that_rests_on_predicted_samples_is_marked_with_when_
         """Towards each other at 20 m/s, 29 s apart at first."""
         for unit, longitude_deg, east_m_s, quality in ((UNIT, 15.0, 10.0, SURE), ("1", 15.01, -10.0, other)):
             for name, value in zip(LABELS, ((58.4, longitude_deg), (100.0,), (0.0, east_m_s, 0.0)), strict=True):
-                network.push(Label(name, (unit,)), t_us, value, t_us, quality=quality)
+                network.push(Label(name, (unit,)), Sample(t_us, t_us, value, quality))
         ours.on_time(t_us)
 
     fly(PERIOD_US, other=Quality(prediction=Predicted(made_us=-4_900_000)))

@@ -2,7 +2,7 @@
 
 import pytest
 
-from dyknow import Network
+from dyknow import Network, Sample
 from dyknow.model.errors import SourceText, TextErrors
 from kpl import Hooks, Instance, parse_specification, print_specification
 from kpl.introspection.drawings import as_text
@@ -60,7 +60,7 @@ class Run:
     def feed(self, source, valid_ms, value, now_ms=None):
         now_ms = valid_ms if now_ms is None else now_ms
         self.at(now_ms)
-        self.instance.push(source, valid_ms * MS, value, now_ms * MS)
+        self.instance.push(source, Sample(now_ms * MS, valid_ms * MS, value))
 
 
 def drive(run, source="links"):

@@ -99,9 +99,9 @@ class Node:
     def on_event(self, event: Any, now_us: int) -> list[HostEffect]:
         if isinstance(event, Tick):
             for label in self.own:
-                self.network.push(label, event.at_us, event.number, now_us)
+                self.network.push(label, Sample(now_us, event.at_us, event.number))
             for source in self.instance.sources():
-                self.instance.push(source, event.at_us, event.number, now_us)
+                self.instance.push(source, Sample(now_us, event.at_us, event.number))
         else:
             self.desk.on_event(event, now_us)
         return self.desk.flush()

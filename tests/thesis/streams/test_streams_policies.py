@@ -313,7 +313,7 @@ def adapted_in_network(policy: str) -> list[Any]:
     network.add_source(car1, Sort("pos"))
     network.subscribe(car1, Policy.parse(policy), got.append)
     for s in P1:
-        network.push(car1, s.valid_us, s.value, s.available_us)
+        network.push(car1, s)
     return [s.value for s in got]
 
 
