@@ -259,7 +259,7 @@ class RecoveringAnchors(Part):
         self._view: Sample | None = None
         self._due_us = 0
         self._now_us = 0
-        ports.network.subscribe(ports.translation.local_label(VIEW, ports.unit), Policy(), self._on_view)
+        ports.network.connect(ports.translation.local_label(VIEW, ports.unit), Policy(), self._on_view)
         parts[Wanting].recoveries = self
         parts[ObjectQueries].histories.append(self.events)
 

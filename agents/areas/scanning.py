@@ -23,7 +23,7 @@ from agents.part import Part
 from agents.ports import PartRegistry, Ports
 from dyknow import NO_VALUE, US_PER_S, Label, Policy, Sample
 from dyknow.model.errors import Refused
-from dyknow.network.generator import Subscription
+from dyknow.network.stream_proxy import StreamProxy
 from federation.messages.contents import AreaRing, DivideArea
 from federation.messages.descriptions import ConditionEntry, LabelEntry
 from navigation.scanning import Floats, ScanGrid, lawn_mower, swath_m, within
@@ -67,7 +67,7 @@ class Scanning(Part):
         self._partners = Partners(ports.network, parts[LocalInstance], parts[SubscriptionKeeper], self._on_scanned)
         self._label: Label = ports.translation.local_label(SCANNED, ports.config.unit)
         self._view: Label = ports.translation.local_label(VIEW, ports.config.unit)
-        self._looking: Subscription | None = None
+        self._looking: StreamProxy | None = None
         self._joined = ""
         self._shown, self._shown_us = "", 0
         self._due_us: int | None = None
@@ -139,7 +139,7 @@ class Scanning(Part):
             if unit != self._unit:
                 self._partners.want(unit, {SCANNED: PERIOD_US}, now_us)
         if self._looking is None:
-            self._looking = self._network.subscribe(self._view, Policy(), self._on_view)
+            self._looking = self._network.connect(self._view, Policy(), self._on_view)
         if not self._network.has(self._label):
             self._network.add_source(self._label, self._translation.local_sort(SCANNED))
             self._offer(now_us)

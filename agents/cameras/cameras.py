@@ -67,7 +67,7 @@ class Cameras(Part):
             ports.network.add_source(
                 ports.translation.local_label(name, ports.config.unit), ports.translation.local_sort(name)
             )
-        ports.network.subscribe(parts[VehicleStreams.of].estimate, Policy(), self._on_estimate)
+        ports.network.connect(parts[VehicleStreams.of].estimate, Policy(), self._on_estimate)
 
     def labels(self) -> Iterable[LabelEntry]:
         ontology = self._translation.ontology

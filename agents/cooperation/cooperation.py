@@ -84,7 +84,6 @@ class Cooperation(SharedMap):
 
     def _on_end(self) -> None:
         """The specification exports them no longer, or otherwise."""
-        super()._on_end()
         if self.picture is not None:
             self.picture.arrive(self._unit, self._clock.federation_us(self._now_us()), restarted=True)
         self._due_us = 0

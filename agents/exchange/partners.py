@@ -6,7 +6,7 @@ from dataclasses import dataclass, field
 from agents.exchange.local_instance import LocalInstance
 from agents.exchange.subscription_keeper import SubscriptionKeeper
 from dyknow import Network, Policy, Sample
-from dyknow.network.generator import Subscription
+from dyknow.network.stream_proxy import StreamProxy
 
 MAX_DELAY_US = 1_000_000
 
@@ -15,7 +15,7 @@ MAX_DELAY_US = 1_000_000
 class _Partner:
     """One platform: its streams, by semantic label, with their periods and subscriptions here."""
 
-    streams: dict[str, tuple[int, Subscription]] = field(default_factory=dict)
+    streams: dict[str, tuple[int, StreamProxy]] = field(default_factory=dict)
 
 
 class Partners:
@@ -56,7 +56,7 @@ class Partners:
         for label, period_us in wanted.items():
             if label not in partner.streams:
                 local, _ = self._local.source(label, unit)
-                subscription = self._network.subscribe(local, Policy(), self._taker(unit, label))
+                subscription = self._network.connect(local, Policy(), self._taker(unit, label))
                 partner.streams[label] = period_us, subscription
                 self._keeper.need(unit, (label, period_us, MAX_DELAY_US), now_us, wanted=True)
         if not partner.streams:

@@ -349,7 +349,7 @@ class UnitMonitors:
         if tap is None:
             local, to_semantic = self._source(label, unit)
             tap = self._taps[unit, label, policy] = Tap(to_semantic)
-            tap.subscription = self._network.subscribe(local, policy, tap.on_sample)
+            tap.subscription = self._network.connect(local, policy, tap.on_sample)
         tap.feeds = (*tap.feeds, feed)
         return tap, feed
 

@@ -3,7 +3,8 @@
 from collections.abc import Callable
 from typing import TypeAlias
 
-from dyknow import Sample, Subscription
+from dyknow import Sample
+from dyknow.network.stream_proxy import StreamProxy
 from federation.sharing.translation import Convert
 
 MAX_PREDICTIONS = 1024
@@ -20,7 +21,7 @@ class Tap:
 
     def __init__(self, to_semantic: Convert) -> None:
         self.feeds: tuple[Feed, ...] = ()
-        self.subscription: Subscription | None = None
+        self.subscription: StreamProxy | None = None
         self.made_us: dict[int, int] = {}
         self._to_semantic = to_semantic
 

@@ -22,7 +22,7 @@ from agents.traffic.records import TRAFFIC, ended_value, heard_of, traffic_value
 from agents.traffic.watch import PROFILE, AircraftWatch
 from dyknow import NO_VALUE, Label, Policy, Quality, Sample
 from dyknow.model.sample import Predicted
-from dyknow.network.generator import Subscription
+from dyknow.network.stream_proxy import StreamProxy
 from federation.members.offers import LabelAppeared, LabelGone
 from federation.messages.descriptions import ConditionEntry, LabelEntry
 from navigation.geodesy import metres_per_degree
@@ -62,7 +62,7 @@ class Traffic(Part):
         )
         self._partners = Partners(ports.network, parts[LocalInstance], parts[SubscriptionKeeper], self._on_import)
         self._label = ports.translation.local_label(TRAFFIC, ports.unit)
-        self._fed: dict[Label, Subscription] = {}
+        self._fed: dict[Label, StreamProxy] = {}
         self._met: dict[Label, None] = {}
         self._offering = set[str]()
         self._sent = set[str]()
@@ -117,7 +117,7 @@ class Traffic(Part):
             del self._met[label]
             is_another = label not in self._fed and label.objects[:1] not in {(unit,) for unit in self._partners.units}
             if is_another and self._network.has(label) and len(self._fed) < MOST_STREAMS:
-                self._fed[label] = self._network.subscribe(label, Policy(), self._taker(label), self._ender(label))
+                self._fed[label] = self._network.connect(label, Policy(), self._taker(label), self._ender(label))
 
     def _taker(self, label: Label) -> Callable[[Sample], None]:
         source = "-".join(label.objects) or "host"
@@ -127,11 +127,12 @@ class Traffic(Part):
 
         return take
 
-    def _ender(self, label: Label) -> Callable[[], None]:
-        def end() -> None:
-            self._fed.pop(label, None)
+    def _ender(self, label: Label) -> Callable[[bool], None]:
+        def on_link(linked: bool) -> None:
+            if not linked and label in self._fed:
+                self._fed.pop(label).cancel()
 
-        return end
+        return on_link
 
     def _on_import(self, unit: str, label: str, sample: Sample) -> None:
         if label == TRAFFIC:

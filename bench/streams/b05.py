@@ -60,7 +60,7 @@ def _bare(times: range) -> None:
 def _network(policy: str) -> Feed:
     network = Network()
     network.add_source(_LABEL, Sort("int", is_open=True))
-    network.subscribe(_LABEL, Policy.parse(policy), _consumer)
+    network.connect(_LABEL, Policy.parse(policy), _consumer)
 
     def feed(times: range) -> None:
         push = network.push

@@ -224,7 +224,7 @@ class _ImportingNode:
             found.append(_Found(time.monotonic_ns(), sample.valid_us, self._arrived_us))
 
         self._subscriptions = [
-            self._network.subscribe(self._local, POLICY, consumer) for consumer in [ignore] * (streams - 1) + [keep]
+            self._network.connect(self._local, POLICY, consumer) for consumer in [ignore] * (streams - 1) + [keep]
         ]
         return found
 

@@ -58,11 +58,6 @@ class Subscription:
         return self.adapter.policy
 
     @property
-    def label(self) -> Label:
-        """Of the stream, while it is active."""
-        return self._generator.label  # type: ignore[union-attr]
-
-    @property
     def active(self) -> bool:
         """Whether samples can still come."""
         return self._generator is not None

@@ -13,10 +13,8 @@ from typing import Final, NamedTuple
 from dyknow.model.errors import SortError, TooEarly, raised
 from dyknow.model.instants import US_PER_S, earlier, print_span
 from dyknow.model.sample import Sample
-from dyknow.network.computational_unit import ComputationalUnit, UnitFunction
-from dyknow.network.generator import Generator
 from dyknow.network.instant import JoinElements
-from dyknow.network.process import Input, Outcome, ProcessNetwork, Work
+from dyknow.network.process import Input, Outcome, Work
 from dyknow.network.processes import OnDemand
 from dyknow.network.prototypes import UnitPrototype
 from dyknow.network.unit_at_work import UnitAtWork
@@ -353,29 +351,3 @@ def _work(unit: UnitAtWork, taken: Sequence[WaitingElement]) -> Work:
         return Outcome(tuple(outputs), tuple(faults))
 
     return work
-
-
-class EagerUnit:
-    """A unit that computes with or without a subscriber."""
-
-    __slots__ = ("_generator", "_join", "_network", "_unit", "arity")
-    priority = 0
-
-    def __init__(self, network: ProcessNetwork, generator: Generator, function: UnitFunction, arity: int) -> None:
-        self.arity = arity
-        self._network, self._generator, self._unit = network, generator, ComputationalUnit(function, arity)
-        self._join = JoinElements()
-
-    @property
-    def rank(self) -> int:
-        return self._network.rank(self._generator.label)
-
-    def on_sample(self, i: int, sample: Sample) -> None:
-        self._join.put(i, sample)
-        self._network.instant.put(self)
-
-    def on_instant(self) -> None:
-        for element in self._join.take():
-            available_us = max([sample.available_us for sample in element.values()])
-            for output in self._unit.outputs_of(element, available_us):
-                self._generator.push(output.available_at(available_us))

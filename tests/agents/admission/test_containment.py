@@ -81,8 +81,8 @@ def test_one_consumer_that_raises_does_not_keep_a_sample_from_the_others_and_is_
             raise ValueError(sample.value)
         got.append(("first", sample.value))
 
-    network.subscribe("a", Policy(), consumer)
-    network.subscribe("a", Policy(), lambda sample: got.append(("second", sample.value)))
+    network.connect("a", Policy(), consumer)
+    network.connect("a", Policy(), lambda sample: got.append(("second", sample.value)))
     for at_us in range(6):
         network.push("a", Sample(at_us * 500, at_us * 500, float(at_us)))
     assert [value for who, value in got if who == "second"] == [0.0, 1.0, 2.0, 3.0, 4.0, 5.0]
@@ -93,7 +93,7 @@ def test_one_consumer_that_raises_does_not_keep_a_sample_from_the_others_and_is_
 def test_what_raises_in_a_network_that_contains_nothing_is_raised_by_the_push() -> None:
     network = Network()
     network.add_source("a", Sort("number"))
-    network.subscribe("a", Policy(), fail)
+    network.connect("a", Policy(), fail)
     with pytest.raises(RuntimeError, match="made to"):
         network.push("a", Sample(0, 0, 1.0))
 

@@ -69,7 +69,7 @@ class OnePair:
         whenever = Policy(change="sample", sample_us=plan.period_us, max_delay_us=plan.max_delay_us)
         self.states = Synchronizer([StateInput(name, whenever) for name in self.names], exactly)
         for i, name in enumerate(self.names):
-            network.subscribe(Label.parse(name), policy, lambda sample, i=i: self.on_sample(i, sample))  # type: ignore[misc]
+            network.connect(Label.parse(name), policy, lambda sample, i=i: self.on_sample(i, sample))  # type: ignore[misc]
 
     def on_sample(self, i: int, sample: Sample) -> None:
         self.take(self.states.on_sample(i, sample, sample.available_us), sample.available_us)

@@ -18,6 +18,7 @@ from tests.dyknow.networks import (
     NUMBER,
     Counted,
     arrivals,
+    compute,
     doubled,
     feed,
     invariants,
@@ -83,7 +84,7 @@ def test_on_demand_every_client_gets_what_it_would_get_if_everything_were_always
     wanted = data.draw(st.lists(clients(len(chain), len(events)), max_size=4))
     eager, network = lazy(), lazy()
     for i, (upon, policy) in enumerate(chain, 1):
-        eager.add_unit(label(i), ANY, of_values(doubled), [(label(upon), policy)])
+        compute(eager, i, of_values(doubled), upon, policy)
         refine(network, i, Counted().prototype, [(upon, policy)])
     assert serve(network, events, wanted) == serve(eager, events, wanted)
     invariants(network)

@@ -80,16 +80,6 @@ def test_several_pushes_of_one_instant_are_one_element() -> None:
     assert [sample.value for sample in got] == [("a", "b"), ("c", "b")]
 
 
-def test_a_unit_that_is_eager_takes_one_element_an_instant_too() -> None:
-    network = Network()
-    network.add_source(label(0), ANY)
-    step = unit(2).make()
-    network.add_unit(label(1), ANY, step, [(label(0), Policy()), (label(0), Policy())])
-    got = listen(network, 1)
-    network.push(label(0), Sample(1, 1, 7))
-    assert [sample.value for sample in got] == [(7, 7)]
-
-
 @given(
     st.lists(st.tuples(st.integers(-2, 2), st.lists(st.integers(0, 7), min_size=1, max_size=2)), min_size=1, max_size=7)
 )

@@ -48,7 +48,7 @@ def test_sampled_states_are_those_of_the_synchroniser_over_adapted_inputs(events
     maker = Synchronizer([StateInput(str(i), INPUT) for i in range(2)], StatePolicy(20, 40, from_us=0))
     for i in range(2):
         direct.add_source(label(i), ANY)
-        direct.subscribe(label(i), INPUT, lambda s, i=i: found.extend(maker.on_sample(i, s, s.available_us)))
+        direct.connect(label(i), INPUT, lambda s, i=i: found.extend(maker.on_sample(i, s, s.available_us)))
     for source, valid_us, value, now_us in events:
         while (due_us := maker.deadline_us) is not None and due_us < now_us:
             found += maker.on_time(due_us)

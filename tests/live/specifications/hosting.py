@@ -55,7 +55,7 @@ class Node:
         self.instance = Instance(self.network, hooks=hooks)
         for label in self.own:
             self.network.add_source(label, Sort("number"))
-            self.network.subscribe(label, Policy(), lambda sample, name=str(label): self._on_output(name, sample))
+            self.network.connect(label, Policy(), lambda sample, name=str(label): self._on_output(name, sample))
         self.instance.change(parse_specification(text), self.clock.now_us(), text)
         offset_us = self.clock.monotonic_offset_us
         self.desk = HostDesk(self.instance, FederationClock(), self.notes.append, offset_us)

@@ -80,7 +80,7 @@ def is_position(v: Any) -> bool:
 def test_definitions_4_5_4_and_4_5_5_sources_and_units_bring_only_values_of_their_sort(brought: list[Any]) -> None:
     running = instance(SORTED)
     got = list[Sample]()
-    running.network.subscribe(Label("g"), Policy(), got.append)
+    running.network.connect(Label("g"), Policy(), got.append)
     open_sort = [v for v in brought if thesis.is_value(v)]
     for t, value in enumerate(brought):
         running.instance.push("s", Sample(t, t, value))

@@ -194,7 +194,7 @@ def test_5_4_2_a_generator_without_its_label_is_not_destroyed_and_an_unknown_lab
     network, got, other = Network(), list[Sample](), list[Sample]()
     source = network.add_source(POS, ANY)
     network.add_process(SPEED, ANY, process_of(DOUBLE, [Input(POS)]))  # type: ignore[arg-type]
-    network.subscribe(SPEED, Policy(), got.append)
+    network.connect(SPEED, Policy(), got.append)
     speed = network.generator(SPEED)
     assert network.release(OTHER) is None
     assert network.release(SPEED) is speed
@@ -203,7 +203,7 @@ def test_5_4_2_a_generator_without_its_label_is_not_destroyed_and_an_unknown_lab
     source.push(Sample(1, 1, 4))
     assert [sample.value for sample in got] == [8], "its process and its streams are there"
     network.add_source(SPEED, ANY)
-    network.subscribe(SPEED, Policy(), other.append)
+    network.connect(SPEED, Policy(), other.append)
     network.push(SPEED, Sample(2, 2, 5))
     network.remove(SPEED)
     source.push(Sample(3, 3, 6))

@@ -61,7 +61,7 @@ def joined(*fs: list[Sample]) -> list[Sample]:
     for label in labels:
         network.add_source(label, ANY)
     network.add_process(Label("join"), ANY, RefinementProcess(unit, [Input(label) for label in labels]))
-    network.subscribe("join", "", called.append)
+    network.connect("join", "", called.append)
     arrivals = sorted((s.available_us, i, s) for i, f in enumerate(fs) for s in f)
     for at_us, together in groupby(arrivals, itemgetter(0)):
         with network.instant.whole():
@@ -121,7 +121,8 @@ def test_definitions_4_3_2_and_4_3_3_what_is_a_value(found: Any) -> None:
 def test_example_4_3_3_the_blob_of_a_picture_is_valid_when_the_picture_was_taken() -> None:
     network, picture, blob = Network(), Label("picture"), Label("blob")
     network.add_source(picture, ANY)
-    network.add_unit(blob, ANY, of_values(str.upper), [(picture, Policy())])
+    unit = UnitPrototype("Blob", "", ("",), lambda: of_values(str.upper))
+    network.add_process(blob, ANY, RefinementProcess(unit, [Input(picture)]))
     network.push(picture, Sample(13, 10, "image"))
     for label in (picture, blob):
         (found,) = network.snapshot(label).get_between(0, 100)
@@ -136,14 +137,14 @@ def test_example_4_3_4_processing_and_communication_delay_what_is_available() ->
     network.add_source(camera, ANY)
     unit = UnitPrototype("Filter", "", ("",), lambda: of_values(lambda value: f"{value}'"), cost_us=3)
     network.add_process(filtering, ANY, RefinementProcess(unit, [Input(camera)]))
-    network.subscribe(camera, Policy(), measured.append)
-    network.subscribe(filtering, Policy(), filtered.append)
+    network.connect(camera, Policy(), measured.append)
+    network.connect(filtering, Policy(), filtered.append)
     network.push(camera, Sample(11, 10, "v"))
     assert not filtered, "it has not finished"
     assert network.deadline_us == 14
     network.on_time(14)
     receiver.add_source(filtering, ANY)
-    receiver.subscribe(filtering, Policy(), received.append)
+    receiver.connect(filtering, Policy(), received.append)
     receiver.push(filtering, Sample(filtered[0].available_us + 2, filtered[0].valid_us, filtered[0].value))
     assert [s[:3] for s in (*measured, *filtered, *received)] == [(11, 10, "v"), (14, 10, "v'"), (16, 10, "v'")]
 
@@ -165,7 +166,7 @@ def test_definition_4_3_5_a_fluent_stream_is_ordered_by_unique_available_times(f
     network, label = Network(), Label("f")
     network.add_source(label, Sort("any"))
     got: list[Sample] = []
-    network.subscribe(label, Policy(), got.append)
+    network.connect(label, Policy(), got.append)
     for s in f:
         network.push(
             label, Sample(s.available_us // 10, s.valid_us, s.value)
