@@ -139,7 +139,9 @@ class Scanning(Part):
             if unit != self._unit:
                 self._partners.want(unit, {SCANNED: PERIOD_US}, now_us)
         if self._looking is None:
-            self._looking = self._network.connect(self._view, Policy(), self._on_view)
+            self._looking = self._network.connect(
+                self._view, Policy(), self._translation.to_semantic(VIEW).into(self._on_view)
+            )
         if not self._network.has(self._label):
             self._network.add_source(self._label, self._translation.local_sort(SCANNED))
             self._offer(now_us)
@@ -156,12 +158,11 @@ class Scanning(Part):
 
     def _on_view(self, sample: Sample) -> None:
         if self.scan is not None and sample.value is not NO_VALUE:
-            view = self._translation.to_semantic(VIEW).sample(sample).value
-            self.scan.grid.look(sample.valid_us, np.array(view, dtype=np.float64).reshape(4, 2))
+            self.scan.grid.look(sample.valid_us, np.array(sample.value, dtype=np.float64).reshape(4, 2))
 
     def _on_scanned(self, unit: str, _label: str, sample: Sample) -> None:
         """Merge the cells of the same area that another platform has seen."""
-        scan, value = self.scan, self._translation.to_semantic(SCANNED).sample(sample).value
+        scan, value = self.scan, sample.value
         if scan is None or value is NO_VALUE or value[0] != scan.task:
             return
         if not scan.grid.merge(str(value[2])):

@@ -120,7 +120,7 @@ class Cooperation(SharedMap):
     def _on_sample(self, unit: str, label: str, sample: Sample) -> None:
         take = self.takers.get(label)
         if self.picture is not None and take is not None:
-            take(unit, self._translation.to_semantic(label).sample(sample))
+            take(unit, sample)
 
     def _on_track(self, unit: str, sample: Sample) -> None:
         report = track_report(unit, sample, self._sort)

@@ -52,7 +52,8 @@ class SharedMap(Part):
         """Subscribe to the stream `own` of this platform; False if it is subscribed already, or is not there."""
         if self._taken is not None or not self._network.has(self._labels[self.own]):
             return False
-        self._taken = self._network.connect(self._labels[self.own], Policy(), on_sample, self._on_link)
+        consumer = self._translation.to_semantic(self.own).into(on_sample)
+        self._taken = self._network.connect(self._labels[self.own], Policy(), consumer, self._on_link)
         return True
 
     def _on_link(self, linked: bool) -> None:

@@ -116,7 +116,7 @@ class Neighbourhood(Part):
 
     def _on_import(self, unit: str, label: str, sample: Sample) -> None:
         if label == INTENT and sample.value is not NO_VALUE:
-            found = intent_of(self._translation.to_semantic(INTENT).sample(sample))
+            found = intent_of(sample)
             at_us = max(self._network.now_us, sample.available_us)
             if found is not None:
                 self.take(unit, found, at_us)

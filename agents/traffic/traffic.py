@@ -117,7 +117,8 @@ class Traffic(Part):
             del self._met[label]
             is_another = label not in self._fed and label.objects[:1] not in {(unit,) for unit in self._partners.units}
             if is_another and self._network.has(label) and len(self._fed) < MOST_STREAMS:
-                self._fed[label] = self._network.connect(label, Policy(), self._taker(label), self._ender(label))
+                take = self._translation.to_semantic(TRAFFIC).into(self._taker(label))
+                self._fed[label] = self._network.connect(label, Policy(), take, self._ender(label))
 
     def _taker(self, label: Label) -> Callable[[Sample], None]:
         source = "-".join(label.objects) or "host"
@@ -139,7 +140,7 @@ class Traffic(Part):
             self._take(sample, unit, "", "")
 
     def _take(self, sample: Sample, by: str, source: str, channel: str) -> None:
-        heard = heard_of(self._translation.to_semantic(TRAFFIC).sample(sample), source)
+        heard = heard_of(sample, source)
         if heard is not None:
             self.picture.take(heard, by, max(self._network.now_us, sample.available_us), channel)
             if self._due_us is None:

@@ -11,6 +11,7 @@ from agents.monitoring.monitors import UnitMonitors
 from bench.rows import Figures, Limit, Options, Side
 from dyknow import Label, Network, Sample
 from federation.sharing.ontology import default_ontology
+from federation.sharing.translation import LabelConversion
 from reasoning import AlarmEvent, builtin_profiles
 
 TITLE = "50 UAVs, 1225 pairs, 10 Hz, one process: percent of a core, from pushed samples to alarms"
@@ -61,7 +62,7 @@ class _Fleet:
         return self._random.uniform(-most, most)
 
     def _monitored_by(self, at: int, unit: str, profiles: tuple[str, ...]) -> UnitMonitors:
-        source = lambda name, of: (self._labels[name, of], lambda value: value)  # noqa: E731 - no unit is converted
+        source = lambda name, of: (self._labels[name, of], LabelConversion(None))  # noqa: E731
         monitors = UnitMonitors(unit, self._network, source, self.alarms.append)
         for other in self._units[at + 1 :]:
             monitors.join(other, 0)

@@ -2,7 +2,7 @@
 
 from collections.abc import Callable, Mapping, Sequence
 from dataclasses import dataclass
-from typing import Any, TypeAlias
+from typing import Any
 
 from dyknow.documents.documents import toml_document
 from dyknow.model.errors import DyknowError, did_you_mean
@@ -13,8 +13,6 @@ from dyknow.model.values import NO_VALUE, Field, NoValue, Sort
 from dyknow.network.generator import Consumer
 from federation import keys
 from federation.sharing.ontology import EXAMPLE, Ontology
-
-Convert: TypeAlias = Callable[[Value], Value]
 
 # unit: (dimension, factor to the first unit of the dimension, offset)
 _UNITS: Mapping[str, tuple[str, float, float]] = {

@@ -25,6 +25,7 @@ from dyknow import (
     Value,
 )
 from federation.sharing.ontology import default_ontology
+from federation.sharing.translation import LabelConversion
 from reasoning import AlarmEvent, Monitor, builtin_profiles, closest_approach, instantiate, offset_m
 
 UNIT, OTHERS = "0", ("1", "2", "3")
@@ -124,7 +125,7 @@ class Flights:
 def test_the_alarms_are_those_of_a_monitor_for_each_pair_by_itself(seed: int, spread: float, rough: float) -> None:
     flights, told, expected = Flights(seed, spread, rough), list[AlarmEvent](), list[AlarmEvent]()
     network, book = flights.network, PlanBook(UNIT, builtin_profiles())
-    ours = UnitMonitors(UNIT, network, lambda name, of: (Label(name, (of,)), lambda value: value), told.append)
+    ours = UnitMonitors(UNIT, network, lambda name, of: (Label(name, (of,)), LabelConversion(None)), told.append)
     for other in OTHERS:
         ours.join(other, 0)
     pairs = []
@@ -147,7 +148,7 @@ def test_an_alarm_names_the_valid_time_of_every_sample_of_its_state() -> None:
     for unit in (UNIT, "1"):
         for name in LABELS:
             network.add_source(Label(name, (unit,)), default_ontology()[name].sort, 64)
-    ours = UnitMonitors(UNIT, network, lambda name, of: (Label(name, (of,)), lambda value: value), told.append)
+    ours = UnitMonitors(UNIT, network, lambda name, of: (Label(name, (of,)), LabelConversion(None)), told.append)
     ours.join("1", 0)
     ours.create(PlanBook(UNIT, builtin_profiles()).named("proximity"), "test", 0)
     for number, metres in enumerate((300, 300, 5, 300, 300)):
@@ -169,7 +170,7 @@ def test_an_alarm_of_a_pair_that_rests_on_predicted_samples_is_marked_with_when_
     for name in LABELS:
         for unit in (UNIT, "1"):
             network.add_source(Label(name, (unit,)), ontology[name].sort, 64)
-    ours = UnitMonitors(UNIT, network, lambda name, of: (Label(name, (of,)), lambda value: value), told.append)
+    ours = UnitMonitors(UNIT, network, lambda name, of: (Label(name, (of,)), LabelConversion(None)), told.append)
     ours.create(PlanBook(UNIT, builtin_profiles()).named("closest-approach"), "task", 0)
     ours.join("1", 0)
 
