@@ -80,8 +80,7 @@ class ImportProxy(Part):
         self.has_news = False
         self.refused: Counter[str] = Counter()
         self.policies: dict[ImportName, Policy] = {}
-        self.on_every: Callable[[str, str, int, int], None] = lambda _unit, _label, _period_us, _every: None
-        ports.imports.on_every = self._thinned
+        self.on_every: list[Callable[[str, str, int, int], None]] = []
 
     def expect(self, owner: str, semantic_label: str, policy_hash: str, policy: Policy, now_us: int) -> None:
         """`owner` announced a stream for us: listen to it. Saying it twice is saying it once."""
@@ -95,9 +94,7 @@ class ImportProxy(Part):
             return
         imported = ImportedStream(owner, semantic_label, policy)
         self.policies[owner, semantic_label, policy_hash] = policy
-        for effect in self.imports.begin(
-            (owner, semantic_label, policy_hash), partial(self._deliver, imported), now_us
-        ):
+        for effect in self.imports.begin(name, partial(self._deliver, imported), now_us, partial(self._thinned, name)):
             self._emit(effect)
 
     def _has_room(self, owner: str, now_us: int) -> bool:
@@ -165,7 +162,8 @@ class ImportProxy(Part):
     def _thinned(self, name: ImportName, every: int) -> None:
         policy = self.policies.get(name)
         if policy is not None and policy.sample_us is not None:
-            self.on_every(*name[:2], policy.sample_us, every)
+            for on_every in self.on_every:
+                on_every(*name[:2], policy.sample_us, every)
 
     def _deliver(self, found: ImportedStream, entries: Sequence[StreamSample], at_us: int) -> None:
         offset = self._offset_of(found.owner)

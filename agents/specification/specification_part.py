@@ -119,7 +119,14 @@ class SpecificationPart(Part):
             sorts=ontology.sorts(),
             semantic={label.name: label for label in ontology.definitions()},
             catalogue=ports.config.catalogue,
-            hooks=Hooks(self._on_output, self._on_link, ports.on_alarm, lambda event: self._tell(found_record(event))),
+            hooks=Hooks(
+                self._on_output,
+                self._on_link,
+                ports.on_alarm,
+                lambda event: self._tell(found_record(event)),
+                self._faults.on_fault,
+                self._on_producer,
+            ),
             federation=self,
             admission=ports.config.admission,
             features=units,
@@ -127,8 +134,6 @@ class SpecificationPart(Part):
             roads=ports.config.roads,
             frame=None if ports.config.cameras is None else ports.config.rig.frame,
         )
-        parts[LabelAgreements].sources = self.instance.parts.objects.sources
-        ports.network.on_fault, ports.network.on_producer = self._faults.on_fault, self._on_producer
         self.desk = HostDesk(self.instance, ports.config.clock, ports.note, ports.config.monotonic_offset_us)
         self._waited_us = 0
         self._governor: Governor | None = None

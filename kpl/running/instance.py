@@ -95,6 +95,7 @@ class Instance:
         self.parts = Parts(network, self.prototypes, self.compiler, is_unit or unit.__eq__)
         self.families = Families(network, self.compiler, self.parts, self._of_member)
         figures = InstanceFigures(network, self.streams, self.monitors)
+        network.on_fault, network.on_producer = self.hooks.on_fault, self.hooks.on_producer
         network.resolve = lambda label: (
             figures.find(label) or recognitions(network, label) or self.parts.undeclared(label, features)
         )
@@ -377,11 +378,9 @@ class Instance:
 
     def _deliver(self, declaration: spec.StreamDeclaration) -> Undo:
         name, term = declaration.name, declaration.term
-        wanted = self.compiler.input(term)
         try:
             proxy = self.network.connect(
-                wanted.label,
-                wanted.policy,
+                *self.compiler.input(term),
                 lambda sample: self.hooks.on_output(name, sample),
                 lambda linked: self.hooks.on_link(name, linked),
                 from_us=self._past_us(term),

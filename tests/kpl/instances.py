@@ -39,11 +39,11 @@ class Running:
     def __init__(self, text="", prototypes=UNITS, history=1000, sorts=MappingProxyType({"pos": POS}), **more):
         self.outputs, self.links, self.alarms, self.faults = [], [], [], []
         self.network = Network(history)
-        self.network.on_fault = lambda label, said: self.faults.append((str(label), said))
         hooks = Hooks(
             lambda name, sample: self.outputs.append((name, sample)),
             lambda name, linked: self.links.append((name, linked)),
             self.alarms.append,
+            on_fault=lambda label, said: self.faults.append((str(label), said)),
         )
         self.instance = Instance(self.network, unit="7", sorts=sorts, prototypes=prototypes, hooks=hooks, **more)
         if text:

@@ -64,9 +64,10 @@ class Run:
         self._call, self._path, self._fed, self.speed = call, path, fed, speed
         self.read_named = beside(path)
         self.network = Network()
-        self.network.on_fault = FaultLog(lambda said: call.out.note(f"note: {said}")).on_fault
-        self.network.on_producer = self._on_producer
-        hooks = Hooks(self._on_sample, self._on_link, self._on_alarm, self._on_found)
+        faults = FaultLog(lambda said: call.out.note(f"note: {said}"))
+        hooks = Hooks(
+            self._on_sample, self._on_link, self._on_alarm, self._on_found, faults.on_fault, self._on_producer
+        )
         self.instance = instance_of(self.network, hooks, modules, unit, labels=call.settings.ontology, roads=roads)
         self._governor: Governor | None = None
         self._waited_us = 0

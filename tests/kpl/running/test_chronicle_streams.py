@@ -42,8 +42,11 @@ class Run:
     def __init__(self, text=STREAMS, chronicles=TURNS):
         self.told, self.faults, self.alarms, self.chronicles = [], [], [], chronicles
         self.network = Network()
-        self.network.on_fault = lambda label, said: self.faults.append(f"{label}: {said}")
-        hooks = Hooks(lambda name, sample: self.told.append((name, sample)), on_alarm=self.alarms.append)
+        hooks = Hooks(
+            lambda name, sample: self.told.append((name, sample)),
+            on_alarm=self.alarms.append,
+            on_fault=lambda label, said: self.faults.append(f"{label}: {said}"),
+        )
         self.instance = Instance(self.network, hooks=hooks)
         self.change(text)
 

@@ -50,8 +50,11 @@ class Node:
         self.samples: dict[str, list[Sample]] = {}
         self.links: dict[str, list[bool]] = {}
         self.notes: list[str] = []
-        self.network.on_fault = lambda label, said: self.notes.append(f"{label}: {said}")
-        hooks = Hooks(self._on_output, lambda name, linked: self.links.setdefault(name, []).append(linked))
+        hooks = Hooks(
+            self._on_output,
+            lambda name, linked: self.links.setdefault(name, []).append(linked),
+            on_fault=lambda label, said: self.notes.append(f"{label}: {said}"),
+        )
         self.instance = Instance(self.network, hooks=hooks)
         for label in self.own:
             self.network.add_source(label, Sort("number"))
