@@ -1,8 +1,8 @@
 """What a platform's vehicle reports, as streams of the local instance: fused once, then split by semantic label.
 
 The estimate is put out on the grid of its period, and every other label on the same grid, so that states and exports of
-several platforms meet. A sample of a label is made once, in its units, and converted where the platform has others of its
-own. Federation time.
+several platforms meet. A sample of a label is made once, in its units, and converted where the platform has others.
+Federation time.
 """
 
 from collections.abc import Callable, Iterable, Sequence

@@ -133,7 +133,7 @@ class Generator:
         self._beginning: dict[Policy, PolicyAdapter] = {}  # of the streams that begin after `_begin_us`
 
     def push(self, sample: Sample) -> Sample:
-        """Add a sample that has become available and hand it on, as it is: a tie of available times is moved by 1 us."""
+        """Add a sample that has become available and hand it on. A tie of available times is moved by 1 us."""
         now_us = sample.available_us
         if now_us <= self.last_us:
             sample = sample.available_at(self.last_us + 1)
