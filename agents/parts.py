@@ -44,7 +44,7 @@ from agents.tasks.life import TaskLife
 from dyknow import Label
 from dyknow.model.errors import UnitError
 from federation.members.offers import Service
-from federation.sharing.translation import Convert
+from federation.sharing.translation import LabelConversion
 from kpl import Instance
 
 PLATFORM: tuple[type[Part] | Stage, ...] = (
@@ -100,7 +100,7 @@ class PlatformParts(PartRegistry):
     def instance(self) -> Instance:
         return self[SpecificationPart].instance
 
-    def source(self) -> Callable[[str, str], tuple[Label, Convert]]:
+    def source(self) -> Callable[[str, str], tuple[Label, LabelConversion]]:
         return self[LocalInstance].source
 
     def declared(self) -> Callable[[str, str], Label]:

@@ -28,7 +28,7 @@ from federation.members.offsets import ClockOffsets
 from federation.messages.descriptions import ConditionEntry, LabelEntry
 from federation.shares import ActLimits, MemberShare
 from federation.sharing.exports import Exports
-from federation.sharing.translation import Convert, Translation
+from federation.sharing.translation import LabelConversion, Translation
 from federation.transport import Reopen, WireEffect
 from kpl import Instance
 from navigation.geodesy import LocalFrame
@@ -54,7 +54,7 @@ class PartsAbove(Protocol):
     def instance(self) -> Instance:
         """The specification as it runs."""
 
-    def source(self) -> Callable[[str, str], tuple[Label, Convert]]:
+    def source(self) -> Callable[[str, str], tuple[Label, LabelConversion]]:
         """(semantic label, unit) -> the local label of that stream, declared if need be, and how its values become semantic."""
 
     def declared(self) -> Callable[[str, str], Label]:

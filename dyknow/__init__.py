@@ -50,7 +50,7 @@ from dyknow.network.computational_unit import (
     UnitFunction,
     of_values,
 )
-from dyknow.network.generator import Generator, Subscription
+from dyknow.network.generator import Generator
 from dyknow.network.history import History
 from dyknow.network.network import Network
 from dyknow.network.prototypes import (
@@ -64,6 +64,7 @@ from dyknow.network.prototypes import (
     value_unit,
     variant,
 )
+from dyknow.network.stream_proxy import StreamProxy
 from dyknow.policies.policy import Policy
 from dyknow.policies.sampling import PolicyAdapter
 from dyknow.states.shared import SharedState, SharedSynchronizer, Strand
@@ -128,7 +129,7 @@ __all__ = [
     "StateInput",
     "StatePolicy",
     "Strand",
-    "Subscription",
+    "StreamProxy",
     "Synchronizer",
     "TextError",
     "TextErrors",

@@ -10,8 +10,9 @@ from dataclasses import dataclass, field
 from typing import NamedTuple, TypeAlias
 
 from agents.exchange.gateway import Gateway
-from dyknow import US_PER_S, Label, Policy, Sample, Subscription
+from dyknow import US_PER_S, Label, Policy, Sample
 from dyknow.model.errors import DyknowError
+from dyknow.network.stream_proxy import StreamProxy
 from federation.members.clock import FederationClock
 from federation.members.deadlines import Deadlines
 from federation.messages.contents import Query, QueryStream
@@ -42,7 +43,7 @@ class PendingQuery(NamedTuple):
 class ActivatedStream:
     """One stream that is kept for queries, and the queries that its first sample answers."""
 
-    subscription: Subscription
+    stream: StreamProxy
     waiting: list[PendingQuery] = field(default_factory=list)
     due_us: int = 0
     owner: str = ""
@@ -70,14 +71,15 @@ class DormantStreams:
     def activate(self, query: StreamQuery, label: str | Label, waiting: PendingQuery, now_us: int) -> bool:
         """Subscribe to the stream if it has no sample; returns whether its first sample will answer the query."""
         kept = self._kept.get(label)
-        if kept is None or not kept.subscription.active:
-            generator = self._gateway.network.find(self._gateway.local(label))
+        if kept is None or not kept.stream.linked:
+            network, local = self._gateway.network, self._gateway.local(label)
+            generator = network.find(local)
             if generator is None or not _has_room([each.owner for each in self._kept.values()], waiting.by):
                 return False
             if (generator.subscriptions or generator.owner is None) and generator.history.get_size():
                 return False
             kept = self._kept[label] = ActivatedStream(
-                generator.subscribe(Policy(), lambda sample: self._take(label, sample)), owner=waiting.by.owner
+                network.connect(local, Policy(), lambda sample: self._take(label, sample)), owner=waiting.by.owner
             )
         kept.due_us = now_us + AWAKE_US
         waits = query.op == "latest" and _has_room([each.by.owner for each in kept.waiting], waiting.by)
@@ -93,9 +95,9 @@ class DormantStreams:
             waiting, kept.waiting = kept.waiting, []
             for each in waiting:
                 each.failed(f"{label} had no sample, and none came within {PATIENCE_US / US_PER_S:g} s", now_us)
-            if now_us >= kept.due_us or not kept.subscription.active:
+            if now_us >= kept.due_us or not kept.stream.linked:
                 del self._kept[label]
-                kept.subscription.cancel()
+                kept.stream.cancel()
             else:
                 self._due.set(label, kept.due_us)
 

@@ -60,20 +60,20 @@ class ExportProxy:
         stream, is_new = self.exports.open(contract, semantic_label, policy, receivers)
         if is_new:
             is_of_objects = self._translation.ontology[semantic_label].sort.is_of_objects
-            to_semantic, waiting, number = self._translation.to_semantic(semantic_label), self._waiting, stream.number
+            waiting, number = self._waiting, stream.number
 
             def export(sample: Sample) -> None:
                 if self.shed > 1 and self._is_omitted(semantic_label, policy, sample.valid_us):
                     return
                 if is_of_objects:
                     sample = sample._replace(value=without_nan(sample.value))
-                entry = number(to_semantic.sample(sample))
                 batch = waiting.setdefault(stream, [])
-                batch.append(entry)
+                batch.append(number(sample))
                 if len(batch) >= BATCH:
                     self.flush()
 
-            self._subscriptions[semantic_label, stream.policy_hash] = self._network.connect(local, policy, export)
+            consumer = self._translation.to_semantic(semantic_label).into(export)
+            self._subscriptions[semantic_label, stream.policy_hash] = self._network.connect(local, policy, consumer)
         return stream.policy_hash
 
     @property

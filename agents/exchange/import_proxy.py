@@ -11,24 +11,21 @@ from agents.exchange.label_agreements import LabelAgreements
 from agents.exchange.peer_motion import JUDGED, PeerMotion
 from agents.part import Part, PeerChange
 from agents.ports import PartRegistry, Ports
-from dyknow import Generator, Policy, PolicyAdapter, Quality, Sample, Sort, Value
+from dyknow import Policy, PolicyAdapter, Sample
 from dyknow.model.errors import SortError
 from federation.members.clock import Offset, Standing
 from federation.members.imports import ImportName
 from federation.members.offers import DefinitionsChanged
 from federation.messages.codec import StreamSample
 from federation.messages.descriptions import ConditionEntry
-from federation.sharing.ranges import InRange, in_range
-from federation.sharing.translation import LabelConversion
+from federation.sharing.ranges import in_range
 
 MAX_STREAMS, STREAMS_OF_ONE = 4096, 64
 """Streams that are imported, in all and of one owner."""
 MOST_SHOWN = 4
 _SKEWED, _CORRECTED = Standing.SKEWED, Standing.CORRECTED
-Sink: TypeAlias = Callable[[int, Value, int, Quality], None]
-"""Takes valid time, value and available time of a sample into the local instance."""
-Judge: TypeAlias = Callable[[int, Value, Quality, int], None]
-"""Looks at valid time, value, quality and available time of a sample, in semantic units."""
+Sink: TypeAlias = Callable[[Sample], None]
+"""Takes a sample, in semantic units, into the local instance, or looks at it."""
 
 AHEAD_US = 60_000_000
 """How far in the future a sample may be valid: a prediction is legal, a sample that ends its stream is not."""
@@ -82,8 +79,7 @@ class ImportProxy(Part):
         self.has_news = False
         self.refused: Counter[str] = Counter()
         self.policies: dict[ImportName, Policy] = {}
-        self.on_every: Callable[[str, str, int, int], None] = lambda _unit, _label, _period_us, _every: None
-        ports.imports.on_every = self._thinned
+        self.on_every: list[Callable[[str, str, int, int], None]] = []
 
     def expect(self, owner: str, semantic_label: str, policy_hash: str, policy: Policy, now_us: int) -> None:
         """`owner` announced a stream for us: listen to it. Saying it twice is saying it once."""
@@ -97,9 +93,7 @@ class ImportProxy(Part):
             return
         imported = ImportedStream(owner, semantic_label, policy)
         self.policies[owner, semantic_label, policy_hash] = policy
-        for effect in self.imports.begin(
-            (owner, semantic_label, policy_hash), partial(self._deliver, imported), now_us
-        ):
+        for effect in self.imports.begin(name, partial(self._deliver, imported), now_us, partial(self._thinned, name)):
             self._emit(effect)
 
     def _has_room(self, owner: str, now_us: int) -> bool:
@@ -167,7 +161,8 @@ class ImportProxy(Part):
     def _thinned(self, name: ImportName, every: int) -> None:
         policy = self.policies.get(name)
         if policy is not None and policy.sample_us is not None:
-            self.on_every(*name[:2], policy.sample_us, every)
+            for on_every in self.on_every:
+                on_every(*name[:2], policy.sample_us, every)
 
     def _deliver(self, found: ImportedStream, entries: Sequence[StreamSample], at_us: int) -> None:
         offset = self._offset_of(found.owner)
@@ -178,7 +173,7 @@ class ImportProxy(Part):
         if offset is None or standing is _SKEWED:
             if found.label in AS_THEY_COME and entries:
                 now_us = self._clock.federation_us(at_us)
-                (found.sink or self._sink(found))(now_us, entries[-1].value, now_us, entries[-1].quality)
+                (found.sink or self._sink(found))(Sample(now_us, now_us, entries[-1].value, entries[-1].quality))
                 return
             self.refused["clock"] += len(entries)
             return
@@ -193,24 +188,21 @@ class ImportProxy(Part):
             if entry.valid_us > beyond_us:
                 self.refused["future"] += 1
             else:
-                take(entry.valid_us, entry.value, now_us, entry.quality)
+                take(Sample(now_us, entry.valid_us, entry.value, entry.quality))
 
     def _shifted(self, found: ImportedStream, offset: Offset, take: Sink) -> Sink:
         """Valid times as our clock has them, approximated on the grid of the stream."""
         shift_us = round(offset.offset_us * self._clock.speed)
         if found.policy.sample_us is None or self.is_of_objects(found.label) or not self._is_linear(found.label):
-            return lambda valid_us, value, now_us, quality: take(
-                valid_us - shift_us, value, now_us, _earlier(quality, shift_us)
-            )
+            return lambda sample: take(_earlier(sample, shift_us))
         if found.regrid is None:
             policy = Policy(change="sample", sample_us=found.policy.sample_us, from_us=0, approximation="linear")
             found.regrid = PolicyAdapter(policy)
         regrid = found.regrid
 
-        def on_grid(valid_us: int, value: Value, now_us: int, quality: Quality) -> None:
-            shifted = Sample(now_us, valid_us - shift_us, value, _earlier(quality, shift_us))
-            for sample in regrid.on_sample(shifted, now_us):
-                take(sample.valid_us, sample.value, sample.available_us, sample.quality)
+        def on_grid(sample: Sample) -> None:
+            for shifted in regrid.on_sample(_earlier(sample, shift_us), sample.available_us):
+                take(shifted)
 
         return on_grid
 
@@ -235,41 +227,31 @@ class ImportProxy(Part):
         sort, to_local = self._ontology[semantic_label].sort, self._translation.to_local(semantic_label)
         trust = self._trust.declared(sender)
         judge = partial(self._motion.take, sender, semantic_label) if semantic_label in JUDGED else None
-        add = partial(self._add, sort, in_range(sort), judge, to_local, self._network.generator(local), trust)
+        push, is_in_range = to_local.into(self._network.generator(local).push), in_range(sort)
+
+        def add(sample: Sample) -> None:
+            try:
+                sort.check(sample.value)
+            except SortError:
+                self.refused["sort"] += 1
+                return
+            if not is_in_range(sample.value):
+                self.refused["range"] += 1
+                return
+            if judge is not None:
+                judge(sample)
+            if trust < 1.0:
+                quality = sample.quality
+                sample = sample._replace(quality=quality._replace(certainty=trust * quality.certainty))
+            push(sample)
+
         self._sinks[sender, semantic_label] = add
         return add
 
-    def _add(
-        self,
-        sort: Sort,
-        is_in_range: InRange,
-        judge: Judge | None,
-        to_local: LabelConversion,
-        generator: Generator,
-        trust: float,
-        valid_us: int,
-        value: Value,
-        now_us: int,
-        quality: Quality,
-    ) -> None:
-        try:
-            sort.check(value)
-        except SortError:
-            self.refused["sort"] += 1
-            return
-        if not is_in_range(value):
-            self.refused["range"] += 1
-            return
-        if judge is not None:
-            judge(valid_us, value, quality, now_us)
-        if not to_local.is_same:
-            value, quality = to_local(value), to_local.quality(quality)
-        if trust < 1.0:
-            quality = quality._replace(certainty=trust * quality.certainty)
-        generator.push(valid_us, value, now_us, quality)
 
-
-def _earlier(quality: Quality, shift_us: int) -> Quality:
-    """The quality of a value whose times are shifted."""
-    made = quality.prediction
-    return quality if made is None else quality._replace(prediction=made._replace(made_us=made.made_us - shift_us))
+def _earlier(sample: Sample, shift_us: int) -> Sample:
+    """The sample with its times shifted, also that of a prediction."""
+    quality, made = sample.quality, sample.quality.prediction
+    if made is not None:
+        quality = quality._replace(prediction=made._replace(made_us=made.made_us - shift_us))
+    return sample._replace(valid_us=sample.valid_us - shift_us, quality=quality)

@@ -4,7 +4,7 @@ Both sides compare the definition that the other announces, and neither requests
 the node clock.
 """
 
-from collections.abc import Callable, Iterable, Sequence
+from collections.abc import Iterable, Sequence
 from typing import NamedTuple
 
 from agents.actions import Role
@@ -72,8 +72,7 @@ class LabelAgreements(Part):
         offer: announces to the others that conditions have changed, at a time.
         note: takes words for users.
 
-    Attributes:
-        sources: the input streams of a stream about objects: a restriction of theirs restricts it, too.
+    A restriction of the input streams of a stream about objects restricts it, too.
     """
 
     def __init__(self, ports: Ports, _parts: PartRegistry) -> None:
@@ -82,7 +81,7 @@ class LabelAgreements(Part):
         self._note = ports.note
         self._conflicts: dict[tuple[str, str], ConditionEntry] = {}
         self._noted = set[str]()
-        self.sources: Callable[[Label], Sequence[Label]] = lambda _label: ()
+        self._instance = ports.instance
         self._due_us: int | None = None
         self._told_us = -BETWEEN_US
 
@@ -108,7 +107,7 @@ class LabelAgreements(Part):
 
     def check_stream(self, unit: str, stream: Label) -> None:
         """Raises Denied if the stream is exported, and under no label that `unit` may ask for."""
-        for made_of in (stream, *self.sources(stream)):
+        for made_of in (stream, *self._instance().parts.objects.sources(stream)):
             reasons = [self.refusal(unit, label) for label, to in self._restricted.items() if to.stream == made_of]
             if reasons and all(reasons):
                 raise next(filter(None, reasons))

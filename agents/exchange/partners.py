@@ -6,7 +6,7 @@ from dataclasses import dataclass, field
 from agents.exchange.local_instance import LocalInstance
 from agents.exchange.subscription_keeper import SubscriptionKeeper
 from dyknow import Network, Policy, Sample
-from dyknow.network.generator import Subscription
+from dyknow.network.stream_proxy import StreamProxy
 
 MAX_DELAY_US = 1_000_000
 
@@ -15,14 +15,14 @@ MAX_DELAY_US = 1_000_000
 class _Partner:
     """One platform: its streams, by semantic label, with their periods and subscriptions here."""
 
-    streams: dict[str, tuple[int, Subscription]] = field(default_factory=dict)
+    streams: dict[str, tuple[int, StreamProxy]] = field(default_factory=dict)
 
 
 class Partners:
     """Asks for streams of other platforms, changeable while it runs.
 
     Args:
-        take: called with unit, semantic label and a sample that came.
+        take: called with unit, semantic label and a sample that came, in semantic units.
     """
 
     def __init__(
@@ -55,8 +55,8 @@ class Partners:
                 self._keeper.need(unit, (label, period_us, MAX_DELAY_US), now_us, wanted=False)
         for label, period_us in wanted.items():
             if label not in partner.streams:
-                local, _ = self._local.source(label, unit)
-                subscription = self._network.subscribe(local, Policy(), self._taker(unit, label))
+                local, to_semantic = self._local.source(label, unit)
+                subscription = self._network.connect(local, Policy(), to_semantic.into(self._taker(unit, label)))
                 partner.streams[label] = period_us, subscription
                 self._keeper.need(unit, (label, period_us, MAX_DELAY_US), now_us, wanted=True)
         if not partner.streams:

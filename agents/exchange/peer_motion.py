@@ -11,7 +11,7 @@ from typing import Final
 
 from agents.part import Followed, Part, PeerChange
 from agents.ports import PartRegistry, Ports
-from dyknow import NO_VALUE, Label, Quality, Value
+from dyknow import NO_VALUE, Label, Sample
 from dyknow.model.instants import US_PER_S, print_span
 from federation.members.liveness import PlatformGone
 from federation.messages.descriptions import ConditionEntry
@@ -77,8 +77,9 @@ class PeerMotion(Part):
         self._look_us: int | None = None
         self._is_news = False
 
-    def take(self, unit: str, semantic_label: str, valid_us: int, value: Value, quality: Quality, at_us: int) -> None:
+    def take(self, unit: str, semantic_label: str, sample: Sample) -> None:
         """A sample of one of the labels `JUDGED`, in semantic units, came from a unit at a time."""
+        at_us, valid_us, value, _ = sample
         if value is NO_VALUE or NO_VALUE in value:
             return
         peer = self._peers.get(unit)
@@ -91,13 +92,11 @@ class PeerMotion(Part):
         if valid_us > at_us + self._ahead_us:
             self._show(unit, "ahead", f"platform {unit} states its motion {print_span(valid_us - at_us)} ahead of time")
             return
-        for found in self._judged(peer, semantic_label, valid_us, value, quality, at_us):
+        for found in self._judged(peer, semantic_label, sample):
             self._show(unit, found.kind, f"platform {unit} states {found.text}")
 
-    def _judged(
-        self, peer: _Peer, semantic_label: str, valid_us: int, value: tuple[float, ...], quality: Quality, at_us: int
-    ) -> Iterable[Unflown]:
-        motion = peer.motion
+    def _judged(self, peer: _Peer, semantic_label: str, sample: Sample) -> Iterable[Unflown]:
+        motion, (at_us, valid_us, value, quality) = peer.motion, sample
         match semantic_label:
             case "heli-position":
                 peer.is_new = True

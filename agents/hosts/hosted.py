@@ -285,9 +285,9 @@ class HostedProcess(OnDemand):
             self.fault(f"{self.prototype.name} made what is not of its sort: {wrong}")
             return
         if past:
-            generator.remember(sample.valid_us, sample.value, min(sample.available_us, now_us), sample.quality)
+            generator.remember(sample.available_at(min(sample.available_us, now_us)))
         else:
-            self.emit(sample.valid_us, sample.value, now_us, sample.quality)
+            self.emit(sample.available_at(now_us))
 
     # Chains
 

@@ -15,7 +15,7 @@ from agents.monitoring.taps import Feed, Tap
 from agents.ports import Needs, PartRegistry, Ports
 from dyknow import Label, Network, Policy, Sample, SharedState, SharedSynchronizer, Strand, earlier
 from dyknow.model.errors import DyknowError, Refused, UnknownLabel
-from federation.sharing.translation import Convert
+from federation.sharing.translation import LabelConversion
 from reasoning import AlarmEvent, Monitor
 
 MAX_INSTANCES = 4096
@@ -81,7 +81,7 @@ class UnitMonitors:
         self,
         unit: str,
         network: Network,
-        source: Callable[[str, str], tuple[Label, Convert]],
+        source: Callable[[str, str], tuple[Label, LabelConversion]],
         on_alarm: Callable[[AlarmEvent], None],
         contain: Containment | None = None,
     ) -> None:
@@ -350,8 +350,8 @@ class UnitMonitors:
         tap = self._taps.get((unit, label, policy))
         if tap is None:
             local, to_semantic = self._source(label, unit)
-            tap = self._taps[unit, label, policy] = Tap(to_semantic)
-            tap.subscription = self._network.subscribe(local, policy, tap.on_sample)
+            tap = self._taps[unit, label, policy] = Tap()
+            tap.subscription = self._network.connect(local, policy, to_semantic.into(tap.on_sample))
         tap.feeds = (*tap.feeds, feed)
         return tap, feed
 

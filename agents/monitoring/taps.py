@@ -3,8 +3,8 @@
 from collections.abc import Callable
 from typing import TypeAlias
 
-from dyknow import Sample, Subscription
-from federation.sharing.translation import Convert
+from dyknow import Sample
+from dyknow.network.stream_proxy import StreamProxy
 
 MAX_PREDICTIONS = 1024
 """Predicted samples of one stream whose making is remembered."""
@@ -18,11 +18,10 @@ class Tap:
         made_us: of the newest samples that were predicted, by valid time: when that was.
     """
 
-    def __init__(self, to_semantic: Convert) -> None:
+    def __init__(self) -> None:
         self.feeds: tuple[Feed, ...] = ()
-        self.subscription: Subscription | None = None
+        self.subscription: StreamProxy | None = None
         self.made_us: dict[int, int] = {}
-        self._to_semantic = to_semantic
 
     def on_sample(self, sample: Sample) -> None:
         prediction = sample.quality.prediction
@@ -30,8 +29,5 @@ class Tap:
             self.made_us[sample.valid_us] = prediction.made_us
             if len(self.made_us) > MAX_PREDICTIONS:
                 del self.made_us[next(iter(self.made_us))]
-        value = self._to_semantic(sample.value)
-        if value is not sample.value:
-            sample = sample._replace(value=value)
         for feed in self.feeds:
             feed(sample)

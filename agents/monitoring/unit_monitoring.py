@@ -27,9 +27,9 @@ class UnitMonitoring(Part):
     vital = heeds_samples = True
 
     def __init__(self, ports: Ports, parts: PartRegistry) -> None:
-        parts[ImportProxy].on_every = parts[UnitMonitors.of].on_every
         self._unit, self._clock, self._directory = ports.unit, ports.clock, ports.directory
         self.monitors, self._standing_of = parts[UnitMonitors.of], ports.offsets.standing
+        parts[ImportProxy].on_every.append(self.monitors.on_every)
         self._standing: dict[str, Standing] = {}
         self._departed: Deadlines[str] = Deadlines()
 

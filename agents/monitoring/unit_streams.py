@@ -95,4 +95,4 @@ class UnitsStream(OnDemand):
     def _tell(self) -> None:
         if self._network is not None:
             now_us = self._network.now_us
-            self.emit(now_us, (self._unit, *self._monitors.members), now_us)
+            self.emit(Sample(now_us, now_us, (self._unit, *self._monitors.members)))

@@ -7,14 +7,14 @@ federation time, moved by the recording's reader to when they are played.
 """
 
 from collections.abc import Iterable
-from typing import Any, NamedTuple
+from typing import NamedTuple
 
 from agents.audit_log import RECORDED, Direction
 from agents.exchange.label_agreements import LabelAgreements
 from agents.exchange.local_instance import LocalInstance
 from agents.part import Followed, Part
 from agents.ports import PartRegistry, Ports
-from dyknow import NO_VALUE, SURE, Quality, Value
+from dyknow import NO_VALUE, SURE, Quality, Sample, Value
 from dyknow.model.errors import Refused, SortError
 from dyknow.model.semantic_labels import SemanticLabel
 from federation.messages.acts import Act
@@ -127,7 +127,6 @@ class RecordedPlatform(Part):
         except SortError:
             self._refuse("recorded value")
             return
-        to_local: Any = translation.to_local(sample.label)
+        played = Sample(federation_us, sample.valid_us, sample.value, sample.quality)
         local = translation.local_label(sample.label, self._unit)
-        quality = to_local.quality(sample.quality)
-        self._network.push(local, sample.valid_us, to_local(sample.value), federation_us, quality)
+        self._network.push(local, translation.to_local(sample.label).sample(played))

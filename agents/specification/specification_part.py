@@ -118,7 +118,14 @@ class SpecificationPart(Part):
             sorts=ontology.sorts(),
             semantic={label.name: label for label in ontology.definitions()},
             catalogue=ports.config.catalogue,
-            hooks=Hooks(self._on_output, self._on_link, ports.on_alarm, lambda event: self._tell(found_record(event))),
+            hooks=Hooks(
+                self._on_output,
+                self._on_link,
+                ports.on_alarm,
+                lambda event: self._tell(found_record(event)),
+                self._faults.on_fault,
+                self._on_producer,
+            ),
             federation=self,
             admission=ports.config.admission,
             features=units,
@@ -126,8 +133,6 @@ class SpecificationPart(Part):
             roads=ports.config.roads,
             frame=None if ports.config.cameras is None else ports.config.rig.frame,
         )
-        parts[LabelAgreements].sources = self.instance.parts.objects.sources
-        ports.network.on_fault, ports.network.on_producer = self._faults.on_fault, self._on_producer
         self.desk = HostDesk(self.instance, ports.config.clock, ports.note, ports.config.monotonic_offset_us)
         self._waited_us = 0
         self._governor: Governor | None = None
@@ -142,7 +147,7 @@ class SpecificationPart(Part):
     def on_fed(self, event: Fed, now_us: int) -> None:
         """A source that is fed from outside has a sample. Node clock."""
         now_us = self._clock.federation_us(now_us)
-        self.instance.push(event.source, event.valid_us, event.value, now_us, event.quality)
+        self.instance.push(event.source, Sample(now_us, event.valid_us, event.value, event.quality))
 
     def on_fed_together(self, event: FedTogether, now_us: int) -> None:
         """Sources that are fed from outside have samples of one instant. Node clock."""

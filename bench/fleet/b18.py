@@ -9,8 +9,9 @@ from time import process_time
 from agents.monitoring.monitor_plans import PlanBook
 from agents.monitoring.monitors import UnitMonitors
 from bench.rows import Figures, Limit, Options, Side
-from dyknow import Label, Network
+from dyknow import Label, Network, Sample
 from federation.sharing.ontology import default_ontology
+from federation.sharing.translation import LabelConversion
 from reasoning import AlarmEvent, builtin_profiles
 
 TITLE = "50 UAVs, 1225 pairs, 10 Hz, one process: percent of a core, from pushed samples to alarms"
@@ -61,7 +62,7 @@ class _Fleet:
         return self._random.uniform(-most, most)
 
     def _monitored_by(self, at: int, unit: str, profiles: tuple[str, ...]) -> UnitMonitors:
-        source = lambda name, of: (self._labels[name, of], lambda value: value)  # noqa: E731 - no unit is converted
+        source = lambda name, of: (self._labels[name, of], LabelConversion(None))  # noqa: E731
         monitors = UnitMonitors(unit, self._network, source, self.alarms.append)
         for other in self._units[at + 1 :]:
             monitors.join(other, 0)
@@ -90,7 +91,7 @@ class _Fleet:
             self._positions[unit] = latitude + velocity[0] * 1e-6, longitude + velocity[1] * 1e-6
             values = (self._positions[unit], (100.0 + at,), velocity)
             for name, value in zip(LABELS, values, strict=True):
-                self._network.push(self._labels[name, unit], valid_us, value, now_us)
+                self._network.push(self._labels[name, unit], Sample(now_us, valid_us, value))
         for one in self._monitors:
             one.on_time(now_us)
         self._network.on_time(now_us)

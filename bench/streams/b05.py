@@ -60,12 +60,12 @@ def _bare(times: range) -> None:
 def _network(policy: str) -> Feed:
     network = Network()
     network.add_source(_LABEL, Sort("int", is_open=True))
-    network.subscribe(_LABEL, Policy.parse(policy), _consumer)
+    network.connect(_LABEL, Policy.parse(policy), _consumer)
 
     def feed(times: range) -> None:
         push = network.push
         for now_us in times:
-            push(_LABEL, now_us, 1, now_us)
+            push(_LABEL, Sample(now_us, now_us, 1))
 
     return feed
 
@@ -77,7 +77,7 @@ def _specified(policy: str) -> Feed:
     def feed(times: range) -> None:
         push = instance.push
         for now_us in times:
-            push("src", now_us, 1, now_us)
+            push("src", Sample(now_us, now_us, 1))
 
     return feed
 

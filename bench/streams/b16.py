@@ -69,7 +69,7 @@ class Loaded:
                 took_ns.append(time.monotonic_ns() - began_ns)
                 computed_ns.append(time.thread_time_ns() - began_cpu_ns)
             wait_until(due_us)
-            self._instance.push(f"src{each % SOURCES}", due_us, 1, time.monotonic_ns() // 1000)
+            self._instance.push(f"src{each % SOURCES}", Sample(time.monotonic_ns() // 1000, due_us, 1))
         missing = sum(periods - self._found[f"strm{i}_{j}"] for i in range(SOURCES) for j in range(STREAMS))
         late = self._late_samples() - late_before
         delay = latencies(self._late_ns)

@@ -97,7 +97,7 @@ class InInstance:
     def put(self, valid_us: int) -> None:
         for source in self._sources:
             self._put_ns = time.monotonic_ns()
-            self._instance.push(source, valid_us, 1, self._put_ns // 1000)
+            self._instance.push(source, Sample(self._put_ns // 1000, valid_us, 1))
 
     def _on_output(self, name: str, sample: Sample) -> None:
         self._found.append(Delivery(name, sample.valid_us, self._put_ns, time.monotonic_ns()))

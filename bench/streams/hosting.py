@@ -57,7 +57,7 @@ class Site:
         """One sample enters the chain."""
         now_us = self.clock.now_us()
         self._pushed_ns.append(time.monotonic_ns())
-        self.instance.push("raw", now_us, 1.0, now_us)
+        self.instance.push("raw", Sample(now_us, now_us, 1.0))
         self._perform(self.desk.flush())
 
     def until(self, done: Any, deadline_us: int | None = None) -> None:

@@ -105,14 +105,14 @@ class Exporter:
     def put_on_grid(self, count: int, period_us: int) -> dict[str, float]:
         """`count` samples, each valid and put at a multiple of a period."""
         for _, due_us in zip(range(count), grid(period_us), strict=False):
-            self._network.push(self._local, due_us, VALUE, monotonic_us())
+            self._network.push(self._local, Sample(monotonic_us(), due_us, VALUE))
             self._proxy.flush()
         self._serve()
         return {}
 
     def _push(self) -> None:
         now_us = monotonic_us()
-        self._network.push(self._local, now_us, VALUE, now_us)
+        self._network.push(self._local, Sample(now_us, now_us, VALUE))
 
     def _serve(self) -> None:
         while len(self._mailbox):
@@ -224,7 +224,7 @@ class _ImportingNode:
             found.append(_Found(time.monotonic_ns(), sample.valid_us, self._arrived_us))
 
         self._subscriptions = [
-            self._network.subscribe(self._local, POLICY, consumer) for consumer in [ignore] * (streams - 1) + [keep]
+            self._network.connect(self._local, POLICY, consumer) for consumer in [ignore] * (streams - 1) + [keep]
         ]
         return found
 

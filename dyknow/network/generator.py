@@ -6,7 +6,7 @@ from typing import Protocol, TypeAlias
 
 from dyknow.model.errors import TooEarly
 from dyknow.model.labels import Label
-from dyknow.model.sample import SURE, Quality, Sample, Value
+from dyknow.model.sample import Sample
 from dyknow.model.values import Sort
 from dyknow.network.history import History
 from dyknow.network.instant import Instant
@@ -14,9 +14,8 @@ from dyknow.policies.of_objects import adapted_to
 from dyknow.policies.policy import Policy
 from dyknow.policies.sampling import Grid, PolicyAdapter
 
-Consumer: TypeAlias = Callable[[Sample], None]
+Consumer: TypeAlias = Callable[[Sample], object]
 _ALONE = Instant()
-_new = tuple.__new__  # makes a NamedTuple in half the time; every sample of the instance is made here
 
 
 class Owner(Protocol):
@@ -57,11 +56,6 @@ class Subscription:
     @property
     def policy(self) -> Policy:
         return self.adapter.policy
-
-    @property
-    def label(self) -> Label:
-        """Of the stream, while it is active."""
-        return self._generator.label  # type: ignore[union-attr]
 
     @property
     def active(self) -> bool:
@@ -138,11 +132,12 @@ class Generator:
         self.last_us = self._closed_us = self._begin_us = -(2**80)
         self._beginning: dict[Policy, PolicyAdapter] = {}  # of the streams that begin after `_begin_us`
 
-    def push(self, valid_us: int, value: Value, now_us: int, quality: Quality = SURE) -> Sample:
-        """Add a sample that became available at `now_us` and hand it on. A tie of available times is moved by 1 us."""
-        available_us = now_us if now_us > self.last_us else self.last_us + 1
-        self.last_us = available_us
-        sample = _new(Sample, (available_us, valid_us, value, quality))
+    def push(self, sample: Sample) -> Sample:
+        """Add a sample that has become available and hand it on. A tie of available times is moved by 1 us."""
+        now_us = sample.available_us
+        if now_us <= self.last_us:
+            sample = sample.available_at(self.last_us + 1)
+        self.last_us = sample.available_us
         self.history.add(sample)
         instant = self.instant
         is_outermost = instant.joins > 0 and not instant.is_open
@@ -170,12 +165,12 @@ class Generator:
                 instant.close()
         return sample
 
-    def remember(self, valid_us: int, value: Value, available_us: int, quality: Quality = SURE) -> None:
+    def remember(self, sample: Sample) -> None:
         """Add a sample of the past: to the history, not to the streams."""
-        if available_us <= self._closed_us:
+        if sample.available_us <= self._closed_us:
             return
-        self.last_us = max(available_us, self.last_us + 1)
-        self.history.add(Sample(self.last_us, valid_us, value, quality))
+        self.last_us = max(sample.available_us, self.last_us + 1)
+        self.history.add(sample.available_at(self.last_us))
 
     def succeed(self) -> None:
         """Another process takes over: the samples until now stay as they are."""

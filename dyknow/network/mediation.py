@@ -62,7 +62,7 @@ class Relay(OnDemand):
     def pass_on(self, label: Label, sample: Sample) -> None:
         """A sample that is of the sort, and came from the stream with that label."""
         self.recent.append((sample.valid_us, sample.value, label))
-        self.emit(sample.valid_us, sample.value, sample.available_us, sample.quality)
+        self.emit(sample)
 
 
 class Mediation(Relay):

@@ -1,20 +1,19 @@
 """The local instance: sources, computational units, stream generators and streams, wired (thesis, ch. 4 and 5.4)."""
 
-from collections.abc import Callable, Sequence
-from functools import partial
+from collections.abc import Callable
 
 from dyknow.model.errors import LabelAlreadyExists, SortError, UnknownLabel, ValueNotAvailable
 from dyknow.model.labels import Label
-from dyknow.model.sample import SURE, Quality, Value
+from dyknow.model.sample import Sample
 from dyknow.model.values import Sort
-from dyknow.network.computational_unit import UnitFunction, component
+from dyknow.network.computational_unit import component
 from dyknow.network.generator import Consumer, Generator, Subscription
 from dyknow.network.history import History
 from dyknow.network.instant import Instant
 from dyknow.network.process import CallsApart, Input, Outcome, Process, TimedProcess
 from dyknow.network.processes import OnDemand
 from dyknow.network.prototypes import UnitPrototype
-from dyknow.network.refinement import EagerUnit, RefinementProcess
+from dyknow.network.refinement import RefinementProcess
 from dyknow.network.stream_proxy import OnLink, StreamProxy
 from dyknow.network.timed import TimedProcesses
 from dyknow.policies.policy import Policy
@@ -33,13 +32,12 @@ class Network:
 
     __slots__ = (
         "_attributes", "_generators", "_history", "_implicit", "_meeting", "_processes", "_ranks", "_timed",
-        "_unit_inputs", "_waiting", "calls", "instant", "now_us", "on_fault", "on_producer", "resolve",
+        "_waiting", "calls", "instant", "now_us", "on_fault", "on_producer", "resolve",
     )  # fmt: skip
 
     def __init__(self, history: int = 4096) -> None:
         self._history = history
         self._generators: dict[Label, Generator] = {}
-        self._unit_inputs: dict[Label, list[Subscription]] = {}
         self.now_us = 0
         self.on_fault: Callable[[Label, str], None] = lambda _label, _said: None
         self.on_producer: Callable[[Label, Label | None], None] = lambda _label, _producer: None
@@ -62,8 +60,8 @@ class Network:
         """
         return self._add(Generator(Label.of(label), sort, history or self._history), None)
 
-    def push(self, label: Label | str, valid_us: int, value: Value, now_us: int, quality: Quality = SURE) -> None:
-        """A source has a new sample.
+    def push(self, label: Label | str, sample: Sample) -> None:
+        """A source has a new sample, available now.
 
         Raises:
             UnknownLabel: no generator carries `label`.
@@ -71,45 +69,8 @@ class Network:
         generator = self._generators.get(label)  # type: ignore[arg-type]
         if generator is None:
             generator = self.generator(label)  # a text is parsed here, off the fast path
-        self.now_us = now_us
-        generator.push(valid_us, value, now_us, quality)
-
-    def add_unit(
-        self, label: Label, sort: Sort, function: UnitFunction, inputs: Sequence[tuple[Label, Policy]]
-    ) -> Generator:
-        """A generator fed by a computational unit over streams of other generators (Def. 4.5.8).
-
-        Raises:
-            LabelAlreadyExists: the label is taken.
-            UnknownLabel: an input does not exist.
-            ValueError: there is no input.
-        """
-        sources = [self.generator(name) for name, _ in inputs]
-        generator = self.add_source(label, sort)
-        unit = EagerUnit(self, generator, function, len(inputs))
-        self.instant.joins += len(inputs) > 1
-        self._unit_inputs[label] = [
-            self.watch(source.subscribe(policy, partial(unit.on_sample, i)))
-            for i, (source, (_, policy)) in enumerate(zip(sources, inputs, strict=True))
-        ]
-        return generator
-
-    def subscribe(
-        self,
-        label: Label | str,
-        policy: Policy | str,
-        consumer: Consumer,
-        on_end: Callable[[], None] | None = None,
-    ) -> Subscription:
-        """A stream for `consumer`; `on_end` is called when the generator is removed.
-
-        Label and policy may be text: `network.subscribe("pos[car1]", "sample every 100ms", print)`.
-
-        Raises:
-            UnknownLabel: no generator carries `label`.
-            TextError, PolicyError: the text is no label, or no policy.
-        """
-        return self.watch(self.generator(label).subscribe(Policy.of(policy).at(self.now_us), consumer, on_end))
+        self.now_us = sample.available_us
+        generator.push(sample)
 
     def connect(
         self,
@@ -126,10 +87,11 @@ class Network:
 
         With `from_us` it begins in the past, as if it had been there then (with `after_us`: as if it had begun at that
         available time): take the proxy's backlog first. A `current` one is handed the newest sample there is as soon as
-        there is a generator.
+        there is a generator. Label and policy may be text: `network.connect("pos[car1]", "sample every 100ms", print)`.
 
         Raises:
             ValueNotAvailable: it cannot begin so early.
+            TextError, PolicyError: the text is no label, or no policy.
         """
         self._ranks = {}
         label = Label.of(label)
@@ -195,12 +157,12 @@ class Network:
     def release(self, label: Label) -> Generator | None:
         """Take the label off its generator, which keeps its process and streams; None: no generator has it (5.4.2)."""
         self._ranks = {}
-        for held in (self._implicit, self._processes, self._unit_inputs):
-            held.pop(label, None)
+        self._implicit.pop(label, None)
+        self._processes.pop(label, None)
         return self._generators.pop(label, None)
 
     def remove(self, label: Label) -> None:
-        """Take a generator away, with the unit that feeds it; its streams end.
+        """Take a generator away, with the process that feeds it; its streams end.
 
         Raises:
             UnknownLabel: no generator carries `label`.
@@ -214,11 +176,7 @@ class Network:
             if not self._attributes[stem]:
                 del self._attributes[stem]
         self._take(generator)
-        eager = self._unit_inputs.get(label, ())
         self.release(label)
-        self.instant.joins -= len(eager) > 1
-        for subscription in eager:
-            subscription.cancel()
         generator.end()
 
     def generator(self, label: Label | str) -> Generator:
@@ -268,8 +226,8 @@ class Network:
         """How many units, at most, lie between a source and this stream."""
         rank = self._ranks.get(label)
         if rank is None:
-            process, eager = self._processes.get(label), self._unit_inputs.get(label, ())
-            taken = process.taken() if isinstance(process, OnDemand) else [each.label for each in eager if each.active]
+            process = self._processes.get(label)
+            taken = process.taken() if isinstance(process, OnDemand) else ()
             rank = self._ranks[label] = 1 + max(map(self.rank, taken), default=-1)
         return rank
 

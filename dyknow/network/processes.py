@@ -7,7 +7,7 @@ from operator import itemgetter
 
 from dyknow.model.errors import SortError, TooEarly, raised
 from dyknow.model.labels import Label
-from dyknow.model.sample import SURE, Quality, Sample, Value
+from dyknow.model.sample import Sample, Value
 from dyknow.network.generator import Generator
 from dyknow.network.process import Input, ProcessNetwork
 from dyknow.network.prototypes import Reading, SourcePrototype
@@ -60,15 +60,15 @@ class OnDemand:
     def end(self) -> None:
         """Hold nothing."""
 
-    def emit(self, valid_us: int, value: Value, now_us: int, quality: Quality = SURE) -> None:
-        """The process has a new sample."""
+    def emit(self, sample: Sample) -> None:
+        """The process has a new sample, available now."""
         generator = self._generator
         if generator is None:
             return
         if self._in_past:
-            generator.remember(valid_us, value, now_us, quality)
+            generator.remember(sample)
             return
-        generator.push(valid_us, value, now_us, quality)
+        generator.push(sample)
         if self._settling:
             self._narrow()
 
@@ -291,7 +291,7 @@ class SourceReader(OnDemand):
                 except SortError as wrong:
                     self.fault(f"{self.prototype.name} made what is not of its sort: {wrong}")
                 else:
-                    self.emit(valid_us, each, now_us)
+                    self.emit(Sample(now_us, valid_us, each))
 
     @property
     def deadline_us(self) -> int | None:

@@ -13,10 +13,8 @@ from typing import Final, NamedTuple
 from dyknow.model.errors import SortError, TooEarly, raised
 from dyknow.model.instants import US_PER_S, earlier, print_span
 from dyknow.model.sample import Sample
-from dyknow.network.computational_unit import ComputationalUnit, UnitFunction
-from dyknow.network.generator import Generator
 from dyknow.network.instant import JoinElements
-from dyknow.network.process import Input, Outcome, ProcessNetwork, Work
+from dyknow.network.process import Input, Outcome, Work
 from dyknow.network.processes import OnDemand
 from dyknow.network.prototypes import UnitPrototype
 from dyknow.network.unit_at_work import UnitAtWork
@@ -247,10 +245,10 @@ class RefinementProcess(OnDemand):
             self.fault(f"{self.prototype.name} made what is not of its sort: {wrong}")
             return
         if self.adapter is None:
-            self.emit(output.valid_us, output.value, now_us, output.quality)
+            self.emit(output.available_at(now_us))
             return
-        for each in self.adapter.on_sample(output._replace(available_us=now_us), now_us):
-            self.emit(each.valid_us, each.value, now_us, each.quality)
+        for each in self.adapter.on_sample(output.available_at(now_us), now_us):
+            self.emit(each.available_at(now_us))
 
     def _report(self, faults: Sequence[str]) -> None:
         for each in faults:
@@ -348,34 +346,8 @@ def _work(unit: UnitAtWork, taken: Sequence[WaitingElement]) -> Work:
         faults: list[str] = []
         for element, available_us, _ in taken:
             outcome = unit.take(element, available_us)
-            outputs += [each._replace(available_us=available_us) for each in outcome.outputs]
+            outputs += [each.available_at(available_us) for each in outcome.outputs]
             faults += outcome.faults
         return Outcome(tuple(outputs), tuple(faults))
 
     return work
-
-
-class EagerUnit:
-    """A unit that computes with or without a subscriber."""
-
-    __slots__ = ("_generator", "_join", "_network", "_unit", "arity")
-    priority = 0
-
-    def __init__(self, network: ProcessNetwork, generator: Generator, function: UnitFunction, arity: int) -> None:
-        self.arity = arity
-        self._network, self._generator, self._unit = network, generator, ComputationalUnit(function, arity)
-        self._join = JoinElements()
-
-    @property
-    def rank(self) -> int:
-        return self._network.rank(self._generator.label)
-
-    def on_sample(self, i: int, sample: Sample) -> None:
-        self._join.put(i, sample)
-        self._network.instant.put(self)
-
-    def on_instant(self) -> None:
-        for element in self._join.take():
-            available_us = max([sample.available_us for sample in element.values()])
-            for output in self._unit.outputs_of(element, available_us):
-                self._generator.push(output.valid_us, output.value, available_us, output.quality)

@@ -218,7 +218,7 @@ class DomainStream(ObjectProcess):
             return
         valid_us = self._network.now_us if self._valid_us is None else self._valid_us
         self._valid_us, self._told_us = None, max(valid_us, self._told_us)
-        self.emit(self._told_us, NamedMembers(members), self._network.now_us)
+        self.emit(Sample(self._network.now_us, self._told_us, NamedMembers(members)))
 
 
 class ObjectFeature(ObjectProcess):
@@ -247,9 +247,8 @@ class ObjectFeature(ObjectProcess):
         if any(self._symbol in table.newest for table, _ in self._sources[:i]):
             return
         now_us = state.available_us if self._network is None else max(state.available_us, self._network.now_us)
-        quality = state.quality
-        value = self._sources[i][1](state.value)
-        self.emit(state.valid_us, value, now_us, quality._replace(covariance=()) if quality.covariance else quality)
+        quality = state.quality._replace(covariance=()) if state.quality.covariance else state.quality
+        self.emit(Sample(now_us, state.valid_us, self._sources[i][1](state.value), quality))
 
 
 def _nothing() -> None:

@@ -103,7 +103,7 @@ class StateStreamProcess(OnDemand):
             certainty = prod(each.certainty for each in state.origins)
             prediction = oldest(each.prediction for each in state.origins)
             quality = SURE if certainty == 1.0 and prediction is None else Quality(certainty, (), prediction)
-            self.emit(state.valid_us, state.values, state.available_us, quality)
+            self.emit(Sample(state.available_us, state.valid_us, state.values, quality))
 
 
 class ChangeStates:

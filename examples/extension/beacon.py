@@ -3,6 +3,7 @@
 from agents.actions import REQUESTED, Action, Offer, Role
 from agents.part import Part
 from agents.ports import PartRegistry, Ports
+from dyknow import Sample
 from federation.members.offers import Service
 from federation.messages.acts import Act
 from federation.messages.contents import Content
@@ -44,5 +45,6 @@ class Beacon(Part):
         """Ring, and answer how often it has rung by now; `now_us` is the node clock."""
         self.count += content.times
         federation_us = self.clock.federation_us(now_us)
-        self.source.push(federation_us // PERIOD_US * PERIOD_US, (float(self.count),), federation_us)
+        valid_us = federation_us // PERIOD_US * PERIOD_US
+        self.source.push(Sample(federation_us, valid_us, (float(self.count),)))
         self.agent.done(act, now_us, f"rung {self.count} times")

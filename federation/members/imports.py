@@ -17,6 +17,8 @@ ImportName: TypeAlias = tuple[str, str, str]
 """Owner, semantic label and policy hash."""
 Take: TypeAlias = Callable[[Sequence[StreamSample], int], None]
 """Takes new samples of one stream, and when they arrived (node clock)."""
+OnEvery: TypeAlias = Callable[[int], None]
+"""Only each `every`-th sample of one stream comes from now on; 1: all."""
 
 
 @dataclass(slots=True)
@@ -31,6 +33,7 @@ class ImportRecord:
     stream: ImportStream
     take: Take
     heard_us: int
+    on_every: OnEvery | None = None
     due_us: int | None = None
     every: int = 1
     valid_us: int | None = None
@@ -46,7 +49,6 @@ class Imports:
         streams: by owner, semantic label and policy hash.
         changes: how many streams have begun or ended.
         tails: by owner, the tails that need not be compared again.
-        on_every: called when the `every` of a stream changes.
     """
 
     def __init__(self, questions: Iterator[int]) -> None:
@@ -57,13 +59,15 @@ class Imports:
         self._by_key: dict[str, ImportRecord] = {}
         self._asked: dict[int, ImportRecord] = {}
         self._due: Deadlines[ImportName] = Deadlines()
-        self.on_every: Callable[[ImportName, int], None] = lambda _name, _every: None
 
-    def begin(self, name: ImportName, take: Take, now_us: int) -> list[Subscribe]:
-        """Listen to a stream that its owner announced; nothing if it is imported already."""
+    def begin(self, name: ImportName, take: Take, now_us: int, on_every: OnEvery | None = None) -> list[Subscribe]:
+        """Listen to a stream that its owner announced; nothing if it is imported already.
+
+        `on_every` is called when the owner begins to send another share of its samples.
+        """
         if name in self.streams:
             return []
-        imported = ImportRecord(ImportStream(*name, self._questions), take, now_us)
+        imported = ImportRecord(ImportStream(*name, self._questions), take, now_us, on_every)
         self.streams[name] = self._by_key[keys.stream(*name)] = imported
         self.tails.pop(name[0], None)
         self.changes += 1
@@ -116,8 +120,9 @@ class Imports:
     def _take(self, imported: ImportRecord, boot: int, entries: Sequence[StreamSample], every: int, at_us: int) -> None:
         imported.heard_us = at_us
         if every != imported.every:
-            imported.every, stream = every, imported.stream
-            self.on_every((stream.owner, stream.label, stream.policy_hash), every)
+            imported.every = every
+            if imported.on_every is not None:
+                imported.on_every(every)
         new = imported.stream.on_samples(boot, entries, at_us)
         if new:
             imported.valid_us = new[-1].valid_us

@@ -2,7 +2,7 @@
 
 from collections.abc import Callable, Mapping, Sequence
 from dataclasses import dataclass
-from typing import Any, TypeAlias
+from typing import Any
 
 from dyknow.documents.documents import toml_document
 from dyknow.model.errors import DyknowError, did_you_mean
@@ -10,10 +10,9 @@ from dyknow.model.labels import Label
 from dyknow.model.sample import Quality, Sample, Value
 from dyknow.model.semantic_labels import SemanticLabel
 from dyknow.model.values import NO_VALUE, Field, NoValue, Sort
+from dyknow.network.generator import Consumer
 from federation import keys
 from federation.sharing.ontology import EXAMPLE, Ontology
-
-Convert: TypeAlias = Callable[[Value], Value]
 
 # unit: (dimension, factor to the first unit of the dimension, offset)
 _UNITS: Mapping[str, tuple[str, float, float]] = {
@@ -90,6 +89,12 @@ class LabelConversion:
         if self.is_same or sample.value is NO_VALUE:
             return sample
         return sample._replace(value=self(sample.value), quality=self.quality(sample.quality))
+
+    def into(self, consumer: Consumer) -> Consumer:
+        """A consumer of samples in the one form for a consumer of the other: the same if nothing changes."""
+        if self.is_same:
+            return consumer
+        return lambda sample: consumer(self.sample(sample))
 
     def quality(self, quality: Quality) -> Quality:
         """The covariance of converted numbers; a covariance that is not of all fields is left out."""

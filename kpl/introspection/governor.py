@@ -10,7 +10,7 @@ from collections.abc import Callable, Collection, Iterable
 from dataclasses import dataclass
 from typing import TypeAlias
 
-from dyknow import NO_VALUE, Field, Label, Network, Policy, Sort
+from dyknow import NO_VALUE, Field, Label, Network, Policy, Sample, Sort
 from dyknow.model.errors import TextError
 from dyknow.model.instants import US_PER_MS, US_PER_S, print_duration, print_span
 from dyknow.network.prototypes import UnitPrototype
@@ -287,7 +287,7 @@ class Governor:
         return now_us - self._calm_since_us >= CALM_US
 
     def _tell(self, option: Option, said: str, why: str, now_us: int) -> None:
-        self._instance.network.push(REFINEMENTS, now_us, (option.name, said, why), now_us)
+        self._instance.network.push(REFINEMENTS, Sample(now_us, now_us, (option.name, said, why)))
 
 
 def speaks(network: Network) -> None:

@@ -100,7 +100,7 @@ def rerun(
         network.now_us = at_us
         with network.instant.whole():
             for _, _, name, sample in together:
-                network.generator(Label.parse(name)).push(sample.valid_us, sample.value, at_us, sample.quality)
+                network.generator(Label.parse(name)).push(sample.available_at(at_us))
     _watch(network, watched, kept)
     _advance(network, max((each[-1].available_us for each in (*labels.values(), *streams.values()) if each), default=0))
     found: list[Violation] = []

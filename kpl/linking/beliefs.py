@@ -185,7 +185,7 @@ class BeliefStream(OnDemand):
 
     def _tell(self, valid_us: int, reported: Iterable[ReportedBelief], now_us: int) -> None:
         for each in reported:
-            self.emit(valid_us, self._records.value(each), max(now_us, valid_us), quality_of(each))
+            self.emit(Sample(max(now_us, valid_us), valid_us, self._records.value(each), quality_of(each)))
 
     def _report(self) -> None:
         """Report percepts that were left out: the first of each kind, then whenever the count has doubled."""

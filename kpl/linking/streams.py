@@ -292,10 +292,10 @@ class LinkStream(OnDemand):
         states = {each.symbol: each for each in mine}
         for record in self._in_turn(mine):
             for each, quality in branches(record, self._most):
-                self.emit(record.valid_us, self._value(each), max(now_us, record.valid_us), quality)
+                self.emit(Sample(max(now_us, record.valid_us), record.valid_us, self._value(each), quality))
         for event in outcome.events:
             if event.kind == "forgotten" and event.target_type == self.type:
                 known = states.get(event.target)
                 ended = self._records.ended(event.target)
                 value = ended if known is None else self._records.value(known, is_anchored=False, ended=True)
-                self.emit(event.valid_us, value, max(now_us, event.valid_us))
+                self.emit(Sample(max(now_us, event.valid_us), event.valid_us, value))

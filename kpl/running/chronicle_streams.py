@@ -82,7 +82,7 @@ class ChronicleStreams:
         ]
         value = tuple(arguments), tuple(found.bindings.items()), tuple(found.instants.items())
         quality = SURE if prediction is None else Quality(prediction=prediction)
-        self._out[found.chronicle].push(found.recognised_ms * US_PER_MS, value, now_us, quality)
+        self._out[found.chronicle].push(Sample(now_us, found.recognised_ms * US_PER_MS, value, quality))
 
 
 class Prediction(OnDemand):
@@ -107,7 +107,7 @@ class Prediction(OnDemand):
             self._partials = None
 
     def _tell(self, found: tuple[chronicles.Partial, ...], valid_us: int, now_us: int) -> None:
-        self.emit(valid_us, tuple(map(_value, found)), now_us)
+        self.emit(Sample(now_us, valid_us, tuple(map(_value, found))))
 
 
 def check_chronicles(declaration: ChronicleDeclaration) -> None:

@@ -84,7 +84,7 @@ class Figure(OnDemand):
         point_us = now_us // PERIOD_US * PERIOD_US
         if point_us >= self._due_us:
             self._due_us = point_us + PERIOD_US
-            self.emit(point_us, self._look(), now_us)
+            self.emit(Sample(now_us, point_us, self._look()))
 
     @property
     def deadline_us(self) -> int | None:

@@ -5,7 +5,7 @@ from dataclasses import replace
 from typing import NamedTuple
 
 from anchoring.roads.network import RoadNetwork
-from dyknow import SURE, Label, Network, Quality, Sample, Sort, Value
+from dyknow import Label, Network, Sample, Sort
 from dyknow.model.errors import DyknowError, Refused, TextError, TextErrors, TooEarly, file_of
 from dyknow.model.semantic_labels import SemanticLabel
 from dyknow.network.factory import Prototypes
@@ -95,6 +95,7 @@ class Instance:
         self.parts = Parts(network, self.prototypes, self.compiler, is_unit or unit.__eq__)
         self.families = Families(network, self.compiler, self.parts, self._of_member)
         figures = InstanceFigures(network, self.streams, self.monitors)
+        network.on_fault, network.on_producer = self.hooks.on_fault, self.hooks.on_producer
         network.resolve = lambda label: (
             figures.find(label) or recognitions(network, label) or self.parts.undeclared(label, features)
         )
@@ -175,9 +176,9 @@ class Instance:
         """Prototypes without an offer, and the generators that wait for them."""
         return self.parts.lacking
 
-    def push(self, source: str, valid_us: int, value: Value, now_us: int, quality: Quality = SURE) -> None:
+    def push(self, source: str, sample: Sample) -> None:
         """A source that is fed from outside has a new sample; where nothing is made from it, it is dropped."""
-        self.parts.push(source, valid_us, value, now_us, quality)
+        self.parts.push(source, sample)
 
     def sources(self) -> tuple[str, ...]:
         """The declared sources that are fed from outside."""
@@ -377,11 +378,9 @@ class Instance:
 
     def _deliver(self, declaration: spec.StreamDeclaration) -> Undo:
         name, term = declaration.name, declaration.term
-        wanted = self.compiler.input(term)
         try:
             proxy = self.network.connect(
-                wanted.label,
-                wanted.policy,
+                *self.compiler.input(term),
                 lambda sample: self.hooks.on_output(name, sample),
                 lambda linked: self.hooks.on_link(name, linked),
                 from_us=self._past_us(term),

@@ -4,7 +4,7 @@ from collections import deque
 from math import isfinite
 from typing import TYPE_CHECKING
 
-from dyknow import NO_VALUE
+from dyknow import NO_VALUE, Sample
 from dyknow.model.errors import TextError
 from dyknow.network.processes import OnDemand
 from reasoning import Margins
@@ -55,7 +55,7 @@ class MarginStream(OnDemand):
             self._unknown_up_to(found.valid_us, state.now_us)
             self._waiting.popleft()
             known = found.value is not None and isfinite(found.value)
-            self.emit(found.valid_us, found.value if known else NO_VALUE, state.now_us)
+            self.emit(Sample(state.now_us, found.valid_us, found.value if known else NO_VALUE))
 
     def _make(self, state: "FormulaState") -> Margins | None:
         try:
@@ -67,7 +67,7 @@ class MarginStream(OnDemand):
     def _unknown_up_to(self, valid_us: int | None, now_us: int) -> None:
         """States before one, or all, whose margins are not known."""
         while self._waiting and (valid_us is None or self._waiting[0] < valid_us):
-            self.emit(self._waiting.popleft(), NO_VALUE, now_us)
+            self.emit(Sample(now_us, self._waiting.popleft(), NO_VALUE))
 
 
 def has_margins(formula: Formula) -> bool:

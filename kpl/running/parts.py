@@ -5,7 +5,7 @@ from functools import partial
 from typing import NamedTuple, TypeAlias
 
 from anchoring.links.objects import LinkEvent
-from dyknow import SURE, DyknowError, Label, Network, Policy, Quality, Sort, SortError, Value
+from dyknow import DyknowError, Label, Network, Policy, Sample, Sort, SortError, Value
 from dyknow.model.errors import Refused
 from dyknow.model.members import tuples_of
 from dyknow.network.factory import Prototypes
@@ -161,18 +161,18 @@ class Parts:
         is_declared = bool(self._compiler.symbols.of_feature(label.feature))
         return self.objects.find(label, named=is_declared) or (None if is_declared else features(label))
 
-    def push(self, source: str, valid_us: int, value: Value, now_us: int, quality: Quality = SURE) -> None:
+    def push(self, source: str, sample: Sample) -> None:
         """A source that is fed from outside has a new sample; where nothing is made from it, it is dropped."""
         with self._network.instant.whole():
             for label in tuple(self.fed.get(source, ())):
                 generator = self._network.generator(label)
                 try:
-                    generator.sort.check(value)
+                    generator.sort.check(sample.value)
                 except SortError as wrong:
                     self._network.on_fault(label, str(wrong))
                 else:
-                    self._network.now_us = now_us
-                    generator.push(valid_us, value, now_us, quality)
+                    self._network.now_us = sample.available_us
+                    generator.push(sample)
 
     def sources(self) -> tuple[str, ...]:
         """The declared sources that are fed from outside."""

@@ -4,7 +4,7 @@ from collections.abc import Callable, Collection, Iterable
 from dataclasses import dataclass
 from typing import TYPE_CHECKING, Literal, Protocol, TypeAlias
 
-from dyknow import Sample, TextError
+from dyknow import Label, Sample, TextError
 from dyknow.model.semantic_labels import SemanticLabel
 from kpl.syntax.specification import Declaration, Export, MonitorDeclaration, StreamTerm
 from reasoning import AlarmEvent
@@ -56,9 +56,13 @@ class Hooks:
         on_link: name of a declared stream, and whether its inputs have producers.
         on_alarm: an alarm of a monitor opened or closed.
         on_found: a wanted object was found, is tracked, lost or found again.
+        on_fault: code of a user failed, or a stream cannot be made, for that label: the reason.
+        on_producer: a stream of several producers is from this one now; None: from none.
     """
 
     on_output: Callable[[str, Sample], None] = lambda _name, _sample: None
     on_link: Callable[[str, bool], None] = lambda _name, _linked: None
     on_alarm: Callable[[AlarmEvent], None] = lambda _event: None
     on_found: Callable[["LinkEvent"], None] = lambda _event: None
+    on_fault: Callable[[Label, str], None] = lambda _label, _said: None
+    on_producer: Callable[[Label, Label | None], None] = lambda _label, _producer: None

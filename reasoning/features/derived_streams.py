@@ -155,7 +155,7 @@ class DerivedStream(OnDemand):
         value = NO_VALUE if self._is_nowhere else self._derivation.values([each.value for each in samples])[self._name]
         prediction = oldest(each.quality.prediction for each in samples)
         quality = SURE if certainty == 1.0 and prediction is None else Quality(certainty, (), prediction)
-        self.emit(valid_us, value, now_us, quality)
+        self.emit(Sample(now_us, valid_us, value, quality))
 
     def _ask(self, *, wanted: bool) -> None:
         if self._demand is not None:

@@ -51,7 +51,7 @@ def journalled(platform: Platform, journal: Journal, stopwatch: Stopwatch) -> Jo
     for flight in (part for part in platform.parts if isinstance(part, FlightAgent)):
         estimate, fields = flight.streams.estimate, [field.name for field in ESTIMATE.fields]
         on_sample = partial(journal.on_sample, str(estimate), fields)
-        platform.ports.network.subscribe(estimate, Policy(), on_sample)
+        platform.ports.network.connect(estimate, Policy(), on_sample)
     stopwatch.taken()  # before there was a step
     return Journalled(platform, journal, stopwatch)
 

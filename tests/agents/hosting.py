@@ -66,10 +66,10 @@ class Site:
         self.faults: list[tuple[Label, str]] = []
         self.notes: list[str] = []
         self.network = Network()
-        self.network.on_fault = lambda label, said: self.faults.append((label, said))
         hooks = Hooks(
             lambda name, sample: self.samples.setdefault(name, []).append(sample),
             lambda name, linked: self.links.setdefault(name, []).append(linked),
+            on_fault=lambda label, said: self.faults.append((label, said)),
         )
         self.instance = Instance(self.network, hooks=hooks)
         self.desk = HostDesk(self.instance, FederationClock(), self.notes.append)

@@ -3,7 +3,7 @@
 import pytest
 
 from compunits import library
-from dyknow import Field, Network, Sort
+from dyknow import Field, Network, Sample, Sort
 from dyknow.model.errors import TextErrors
 from kpl import Hooks, Instance, parse_specification
 from tests.compunits.test_motion import HERE, moved
@@ -21,7 +21,7 @@ def running(text: str) -> tuple[Instance, list]:
 
 def fed(instance: Instance, seconds: int) -> None:
     for i in range(seconds):
-        instance.push("gps", i * 1_000_000, moved(HERE, 10.0 * i, 0.0), i * 1_000_000)
+        instance.push("gps", Sample(i * 1_000_000, i * 1_000_000, moved(HERE, 10.0 * i, 0.0)))
 
 
 def test_a_chain_of_ready_units_runs() -> None:

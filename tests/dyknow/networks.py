@@ -2,7 +2,7 @@
 
 from hypothesis import strategies as st
 
-from dyknow import NO_VALUE, Label, Network, Policy, Sample, Sort, UnitPrototype, of_values
+from dyknow import NO_VALUE, ComputationalUnit, Label, Network, Policy, Sample, Sort, UnitPrototype, of_values
 from dyknow.network.computational_unit import latest_valid_us
 from dyknow.network.process import Input
 from dyknow.network.processes import OnDemand
@@ -35,6 +35,17 @@ def summing():
         return Sample(now_us, latest_valid_us(inputs), total), total
 
     return step
+
+
+def compute(network, i, function, upon, policy):
+    """Make stream `i` of stream `upon` by hand, with or without a subscriber."""
+    generator, unit = network.add_source(label(i), ANY), ComputationalUnit(function, 1)
+
+    def on_sample(sample):
+        for output in unit.outputs_of({0: sample}, sample.available_us):
+            generator.push(output.available_at(sample.available_us))
+
+    network.connect(label(upon), policy, on_sample)
 
 
 class Counted:
@@ -88,7 +99,7 @@ def pass_time(network, until_us):
 def feed(network, events):
     for source, valid_us, value, now_us in events:
         pass_time(network, now_us)
-        network.push(label(source), valid_us, value, now_us)
+        network.push(label(source), Sample(now_us, valid_us, value))
 
 
 def refine(network, at, prototype, inputs):

@@ -39,11 +39,11 @@ class Running:
     def __init__(self, text="", prototypes=UNITS, history=1000, sorts=MappingProxyType({"pos": POS}), **more):
         self.outputs, self.links, self.alarms, self.faults = [], [], [], []
         self.network = Network(history)
-        self.network.on_fault = lambda label, said: self.faults.append((str(label), said))
         hooks = Hooks(
             lambda name, sample: self.outputs.append((name, sample)),
             lambda name, linked: self.links.append((name, linked)),
             self.alarms.append,
+            on_fault=lambda label, said: self.faults.append((str(label), said)),
         )
         self.instance = Instance(self.network, unit="7", sorts=sorts, prototypes=prototypes, hooks=hooks, **more)
         if text:
@@ -69,7 +69,7 @@ class Running:
         at_us = self.now_us + 10_000 if at_us is None else at_us
         pass_time(self.network, at_us)
         self.network.now_us = at_us
-        self.instance.push(source, at_us, value, at_us)
+        self.instance.push(source, Sample(at_us, at_us, value))
 
     def wait(self, until_us):
         pass_time(self.network, until_us)

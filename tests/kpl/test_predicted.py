@@ -2,6 +2,7 @@
 
 import pytest
 
+from dyknow import Sample
 from dyknow.model.errors import TextErrors
 from dyknow.model.sample import Predicted
 from kpl import parse_specification, print_specification
@@ -67,7 +68,7 @@ def test_a_monitor_over_predictions_is_unknown_soon_after_its_inputs_end() -> No
 def test_predictions_that_are_too_old_are_not_taken() -> None:
     running = Running(GAP + CLOSE.replace("predict 30s", "predict 30s, max age of prediction 50ms"))
     for at in range(200):
-        running.instance.push("near", at * 100_000, 100.0 - at / 5, at * 100_000 + 200_000)
+        running.instance.push("near", Sample(at * 100_000 + 200_000, at * 100_000, 100.0 - at / 5))
         running.wait(at * 100_000 + 200_000)
     assert running.alarms == []
 

@@ -6,7 +6,7 @@ import pytest
 from hypothesis import given, settings
 from hypothesis import strategies as st
 
-from dyknow import NO_VALUE
+from dyknow import NO_VALUE, Sample
 from dyknow.model.errors import TextErrors
 from kpl import parse_specification, print_specification
 from kpl.introspection.drawings import as_text
@@ -103,9 +103,9 @@ def test_what_is_no_value_of_the_sort_neither_keeps_a_stream_nor_takes_it_over(v
 def test_a_sample_from_the_future_is_refused_and_the_old_ones_of_a_producer_are_no_sign_of_life():
     run = Redundant()
     run.feed(900)
-    run.instance.push("a", 10_000_000, 1.0, 950 * MS)
+    run.instance.push("a", Sample(950 * MS, 10_000_000, 1.0))
     for at_ms in range(1000, 2000, PERIOD_MS):
-        run.instance.push("a", 500 * MS, 1.0, at_ms * MS)
+        run.instance.push("a", Sample(at_ms * MS, 500 * MS, 1.0))
         run.push("b", at_ms, at_ms * MS)
     assert [each[2] for each in run.producers] == ["x[b]"]
     assert any("ahead: refused" in said for _, said in run.faults)

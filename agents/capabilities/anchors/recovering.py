@@ -259,7 +259,8 @@ class RecoveringAnchors(Part):
         self._view: Sample | None = None
         self._due_us = 0
         self._now_us = 0
-        ports.network.subscribe(ports.translation.local_label(VIEW, ports.unit), Policy(), self._on_view)
+        consumer = ports.translation.to_semantic(VIEW).into(self._on_view)
+        ports.network.connect(ports.translation.local_label(VIEW, ports.unit), Policy(), consumer)
         parts[Wanting].recoveries = self
         parts[ObjectQueries].histories.append(self.events)
 

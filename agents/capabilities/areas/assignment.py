@@ -15,7 +15,7 @@ from agents.actions import COORDINATION, INFORMED, Action, Offer
 from agents.part import Part, PeerChange
 from agents.ports import PartRegistry, Ports
 from agents.tasks.authority import Authority, TaskEvidence
-from dyknow import US_PER_S
+from dyknow import US_PER_S, Sample
 from dyknow.model.errors import Refused
 from federation.members.liveness import PlatformAppeared, PlatformGone
 from federation.messages.acts import Act
@@ -184,4 +184,4 @@ class AreaAssignment(Part):
         border = border if len(border) <= MAX_BORDER else f"{border[:MAX_BORDER]}..."
         value = (latitude_deg, longitude_deg, content.area_m2, content.share, border)
         conversion = self._translation.to_local(LABEL)
-        self._network.push(self._local, valid_us, conversion(value), federation_us)
+        self._network.push(self._local, conversion.sample(Sample(federation_us, valid_us, value)))

@@ -23,7 +23,7 @@ from agents.part import Part
 from agents.ports import PartRegistry, Ports
 from dyknow import NO_VALUE, US_PER_S, Label, Policy, Sample
 from dyknow.model.errors import Refused
-from dyknow.network.generator import Subscription
+from dyknow.network.stream_proxy import StreamProxy
 from federation.messages.contents import AreaRing, DivideArea
 from federation.messages.descriptions import ConditionEntry, LabelEntry
 from navigation.scanning import Floats, ScanGrid, lawn_mower, swath_m, within
@@ -67,7 +67,7 @@ class Scanning(Part):
         self._partners = Partners(ports.network, parts[LocalInstance], parts[SubscriptionKeeper], self._on_scanned)
         self._label: Label = ports.translation.local_label(SCANNED, ports.config.unit)
         self._view: Label = ports.translation.local_label(VIEW, ports.config.unit)
-        self._looking: Subscription | None = None
+        self._looking: StreamProxy | None = None
         self._joined = ""
         self._shown, self._shown_us = "", 0
         self._due_us: int | None = None
@@ -139,7 +139,9 @@ class Scanning(Part):
             if unit != self._unit:
                 self._partners.want(unit, {SCANNED: PERIOD_US}, now_us)
         if self._looking is None:
-            self._looking = self._network.subscribe(self._view, Policy(), self._on_view)
+            self._looking = self._network.connect(
+                self._view, Policy(), self._translation.to_semantic(VIEW).into(self._on_view)
+            )
         if not self._network.has(self._label):
             self._network.add_source(self._label, self._translation.local_sort(SCANNED))
             self._offer(now_us)
@@ -156,12 +158,11 @@ class Scanning(Part):
 
     def _on_view(self, sample: Sample) -> None:
         if self.scan is not None and sample.value is not NO_VALUE:
-            view = self._translation.to_semantic(VIEW).sample(sample).value
-            self.scan.grid.look(sample.valid_us, np.array(view, dtype=np.float64).reshape(4, 2))
+            self.scan.grid.look(sample.valid_us, np.array(sample.value, dtype=np.float64).reshape(4, 2))
 
     def _on_scanned(self, unit: str, _label: str, sample: Sample) -> None:
         """Merge the cells of the same area that another platform has seen."""
-        scan, value = self.scan, self._translation.to_semantic(SCANNED).sample(sample).value
+        scan, value = self.scan, sample.value
         if scan is None or value is NO_VALUE or value[0] != scan.task:
             return
         if not scan.grid.merge(str(value[2])):
@@ -240,7 +241,8 @@ class Scanning(Part):
     def _tell(self, scan: _Scan, federation_us: int, now_us: int) -> None:
         valid_us = federation_us // PERIOD_US * PERIOD_US
         value = (scan.task, scan.grid.share, scan.grid.text())
-        self._network.push(self._label, valid_us, self._translation.to_local(SCANNED)(value), federation_us)
+        sample = Sample(federation_us, valid_us, value)
+        self._network.push(self._label, self._translation.to_local(SCANNED).sample(sample))
         own = scan.grid.seen[scan.mine].mean() if scan.mine.any() else 1.0
         if self._joined == scan.task or scan.is_over:
             self._show(f"scan: {own:.0%} of its piece, {scan.grid.share:.0%} of the area was in view for 5 s", now_us)

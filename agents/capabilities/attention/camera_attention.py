@@ -19,6 +19,7 @@ from anchoring.attention.deciding import Attention, Gaze
 from anchoring.attention.ground import around, roads_near
 from anchoring.attention.view import TurnableCamera
 from anchoring.roads.network import RoadNetwork
+from dyknow import Sample
 from dyknow.model.errors import Refused
 from federation.messages.acts import Act
 from federation.messages.contents import Attend
@@ -178,7 +179,7 @@ class CameraAttention(Part):
 
     def _look(self, gaze: Gaze, federation_us: int) -> None:
         value = (gaze.symbol, gaze.x_m, gaze.y_m, gaze.because)
-        self._network.push(self._label, federation_us, self._to_local(value), federation_us)
+        self._network.push(self._label, self._to_local.sample(Sample(federation_us, federation_us, value)))
         if self._ordered is not None:
             at_us, before = self._ordered
             moved_m = max(abs(gaze.x_m - before.x_m), abs(gaze.y_m - before.y_m))

@@ -15,8 +15,9 @@ from agents.exchange.local_instance import LocalInstance
 from agents.part import Part
 from agents.ports import PartRegistry, Ports
 from dyknow import Label, Policy, Sample
-from dyknow.network.generator import Subscription
+from dyknow.network.generator import Consumer
 from dyknow.network.process import Input
+from dyknow.network.stream_proxy import StreamProxy
 from federation.calls.call import StreamCall
 from federation.calls.kept_record import KeptRecord, Unkept
 from federation.calls.proposals import CallNews, WantedStream
@@ -31,12 +32,10 @@ SHOWN: Final = 4
 class CalledStream:
     """One stream that is called for, and where it comes from now."""
 
-    def __init__(
-        self, wanted: WantedStream, begin: Callable[["CalledStream"], StreamCall], take: Callable[[Sample], None]
-    ) -> None:
+    def __init__(self, wanted: WantedStream, begin: Callable[["CalledStream"], StreamCall], take: Consumer) -> None:
         self.wanted, self._begin, self._take = wanted, begin, take
         self.call: StreamCall | None = None
-        self.subscription: Subscription | None = None
+        self.subscription: StreamProxy | None = None
         self.since_us: int | None = None
 
     def need(self, wanted: bool, now_us: Callable[[], int]) -> None:
@@ -48,7 +47,7 @@ class CalledStream:
             self.call = self.since_us = None
             self.listen(None)
 
-    def listen(self, subscription: Subscription | None) -> None:
+    def listen(self, subscription: StreamProxy | None) -> None:
         """From this subscription it comes from now on."""
         if self.subscription is not None:
             self.subscription.cancel()
@@ -88,10 +87,7 @@ class Calls(Part):
         raw = Label(f"called-{label.feature}", label.objects)
         source = network.add_source(raw, translation.local_sort(semantic), KEPT)
 
-        def take(sample: Sample) -> None:
-            source.push(sample.valid_us, sample.value, sample.available_us, sample.quality)
-
-        called = CalledStream(wanted, self._begin, take)
+        called = CalledStream(wanted, self._begin, source.push)
         sort = translation.ontology[semantic].sort
         unit = converting(sort, translation.to_semantic(semantic))
         network.add_process(label, sort, Imported(unit, Input(raw, policy), partial(called.need, now_us=self._now_us)))
@@ -117,8 +113,11 @@ class Calls(Part):
         label, unit = news.label, news.unit
         if news.event == "taken":
             local, _ = self._local.source(label, unit)
-            generator = self._network.generator(local)
-            called.listen(generator.subscribe(Policy(), lambda sample: called.on_sample(unit, sample, self._now_us())))
+
+            def take(sample: Sample) -> None:
+                called.on_sample(unit, sample, self._now_us())
+
+            called.listen(self._network.connect(local, Policy(), take))
         elif news.event == "failed":
             called.listen(None)
         is_open = news.event == "open"

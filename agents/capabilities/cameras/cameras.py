@@ -67,7 +67,7 @@ class Cameras(Part):
             ports.network.add_source(
                 ports.translation.local_label(name, ports.config.unit), ports.translation.local_sort(name)
             )
-        ports.network.subscribe(parts[VehicleStreams.of].estimate, Policy(), self._on_estimate)
+        ports.network.connect(parts[VehicleStreams.of].estimate, Policy(), self._on_estimate)
 
     def labels(self) -> Iterable[LabelEntry]:
         ontology = self._translation.ontology
@@ -151,7 +151,7 @@ class Cameras(Part):
             self._push(self._state, STATE, valid_us, _camera_state(state, self._frame), federation_us)
 
     def _push(self, label: Label, name: str, valid_us: int, value: Value, now_us: int) -> None:
-        self._network.push(label, valid_us, self._to_local[name](value), now_us)
+        self._network.push(label, self._to_local[name].sample(Sample(now_us, valid_us, value)))
 
     def _record(self, percept: Percept) -> Value:
         """A percept as a value of its label; the last one of a percept is where it was before."""

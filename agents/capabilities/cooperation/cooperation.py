@@ -84,7 +84,6 @@ class Cooperation(SharedMap):
 
     def _on_end(self) -> None:
         """The specification exports them no longer, or otherwise."""
-        super()._on_end()
         if self.picture is not None:
             self.picture.arrive(self._unit, self._clock.federation_us(self._now_us()), restarted=True)
         self._due_us = 0
@@ -121,7 +120,7 @@ class Cooperation(SharedMap):
     def _on_sample(self, unit: str, label: str, sample: Sample) -> None:
         take = self.takers.get(label)
         if self.picture is not None and take is not None:
-            take(unit, self._translation.to_semantic(label).sample(sample))
+            take(unit, sample)
 
     def _on_track(self, unit: str, sample: Sample) -> None:
         report = track_report(unit, sample, self._sort)

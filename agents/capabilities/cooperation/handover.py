@@ -376,7 +376,8 @@ class Handover(Part):
 
     def _push(self, name: str, valid_us: int, value: object, now_us: int) -> None:
         if self._network.generator(self._labels[name]).subscriptions:
-            self._network.push(self._labels[name], valid_us, self._translation.to_local(name)(value), now_us)
+            sample = Sample(now_us, valid_us, value)
+            self._network.push(self._labels[name], self._translation.to_local(name).sample(sample))
 
 
 def subjects_of(event: PictureEvent) -> list[str]:

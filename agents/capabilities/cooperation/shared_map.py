@@ -10,7 +10,7 @@ from agents.exchange.subscription_keeper import SubscriptionKeeper
 from agents.part import Part
 from agents.ports import PartRegistry, Ports
 from dyknow import Label, Policy, Sample, Value
-from dyknow.network.generator import Subscription
+from dyknow.network.stream_proxy import StreamProxy
 from federation.messages.descriptions import LabelEntry
 
 _LIVES = 1000
@@ -38,7 +38,7 @@ class SharedMap(Part):
         self._agreements = parts[LabelAgreements]
         self._labels = {name: ports.translation.local_label(name, ports.unit) for name in (self.own, *self.made)}
         self.partners = Partners(ports.network, parts[LocalInstance], parts[SubscriptionKeeper], self._on_sample)
-        self._taken: Subscription | None = None
+        self._taken: StreamProxy | None = None
         self._due_us: int | None = None
         self._on_map = set[str]()
         ports.network.meet(self._on_label)
@@ -52,11 +52,18 @@ class SharedMap(Part):
         """Subscribe to the stream `own` of this platform; False if it is subscribed already, or is not there."""
         if self._taken is not None or not self._network.has(self._labels[self.own]):
             return False
-        self._taken = self._network.subscribe(self._labels[self.own], Policy(), on_sample, self._on_end)
+        consumer = self._translation.to_semantic(self.own).into(on_sample)
+        self._taken = self._network.connect(self._labels[self.own], Policy(), consumer, self._on_link)
         return True
 
+    def _on_link(self, linked: bool) -> None:
+        if not linked and self._taken is not None:
+            self._taken.cancel()
+            self._taken = None
+            self._on_end()
+
     def _on_end(self) -> None:
-        self._taken = None
+        """The stream `own` of this platform is gone."""
 
     def _on_sample(self, unit: str, label: str, sample: Sample) -> None:
         raise NotImplementedError
@@ -78,7 +85,8 @@ class SharedMap(Part):
         return [ontology.entry(name) for name in self.made if self._network.has(self._labels[name])]
 
     def _push(self, name: str, valid_us: int, value: Value, now_us: int) -> None:
-        self._network.push(self._labels[name], valid_us, self._translation.to_local(name)(value), now_us)
+        sample = Sample(now_us, valid_us, value)
+        self._network.push(self._labels[name], self._translation.to_local(name).sample(sample))
 
     def _show(
         self,

@@ -1,34 +1,22 @@
 """Reports of a platform's vehicle as streams of the local instance: fused once, then split by semantic label.
 
-The estimate is put out on the grid of its period; every other label is a computational unit over it, or is pushed on
-the same grid, so that states and exports of several platforms meet. Federation time.
+The estimate is put out on the grid of its period, and every other label on the same grid, so that states and exports of
+several platforms meet. A sample of a label is made once, in its units, and converted where the platform has others.
+Federation time.
 """
 
-from collections import OrderedDict
 from collections.abc import Callable, Iterable, Sequence
+from functools import partial
 from typing import Final
 
 from agents.effects import Reported
 from agents.part import NOT_MINE, Followed, Part
 from agents.ports import PartRegistry, Ports
-from dyknow import (
-    NO_VALUE,
-    SURE,
-    Field,
-    Inputs,
-    Label,
-    Network,
-    Policy,
-    Quality,
-    Sample,
-    Sort,
-    UnitFunction,
-    Value,
-    independent,
-)
+from dyknow import SURE, Field, Label, Network, Quality, Sample, Sort, Value, independent
+from dyknow.network.generator import Consumer
 from federation.messages.descriptions import LabelEntry
 from federation.shares import TokenBucket
-from federation.sharing.translation import LabelConversion, Translation
+from federation.sharing.translation import Translation
 from navigation.fusion import Estimate, PositionFilter
 from navigation.geodesy import metres_per_degree
 from navigation.vehicle import BatteryReport, HomeReport, Report, WinchReport
@@ -75,28 +63,19 @@ class VehicleStreams:
         self._home: HomeReport | None = None
         self._battery: BatteryReport | None = None
         self._newest_us: dict[str, int] = {}
-        self._pushed: OrderedDict[str, tuple[Label, LabelConversion]] = OrderedDict()
         network.add_source(self.estimate, ESTIMATE)
-        self._split()
+        self._out = {name: self._source(name) for name in LABELS}
 
     @classmethod
     def of(cls, ports: Ports, _parts: PartRegistry) -> "VehicleStreams":
         """Build it from the ports and parts of a platform."""
         return cls(ports.unit, ports.network, ports.translation, ports.config.period_us, ports.note)
 
-    def _split(self) -> None:
-        """Position, altitude and velocity are units over the estimate; the others are pushed next to it."""
-        for name, part in _PARTS.items():
-            local, to_local = self._local(name)
-            unit = _part_of_estimate(part, to_local)
-            self._network.add_unit(local, self._translation.local_sort(name), unit, [(self.estimate, Policy())])
-        for name in LABELS[len(_PARTS) :]:
-            local, to_local = self._local(name)
-            self._network.add_source(local, self._translation.local_sort(name))
-            self._pushed[name] = local, to_local
-
-    def _local(self, name: str) -> tuple[Label, LabelConversion]:
-        return self._translation.local_label(name, self._unit), self._translation.to_local(name)
+    def _source(self, name: str) -> Consumer:
+        """A new source for a label; it takes samples in the label's units."""
+        local = self._translation.local_label(name, self._unit)
+        self._network.add_source(local, self._translation.local_sort(name))
+        return self._translation.to_local(name).into(partial(self._network.push, local))
 
     def entries(self) -> list[LabelEntry]:
         """The semantic labels this platform offers."""
@@ -125,7 +104,11 @@ class VehicleStreams:
     def _push(self, samples: Sequence[Sample], now_us: int) -> Sequence[Sample]:
         self._note_health(now_us)
         for sample in samples:
-            self._network.push(self.estimate, sample.valid_us, sample.value, now_us)
+            estimate = sample.available_at(now_us)
+            with self._network.instant.whole():  # its parts first: who takes the estimate finds them there
+                for name, part in _PARTS.items():
+                    self._out[name](part(estimate))
+                self._network.push(self.estimate, estimate)
             self._push_others(sample.valid_us, sample.value, now_us)
         return samples
 
@@ -156,40 +139,29 @@ class VehicleStreams:
         """Push a sample, if it is newer than the last one."""
         if valid_us > self._newest_us.get(name, -1):
             self._newest_us[name] = valid_us
-            local, to_local = self._pushed[name]
-            self._network.push(local, valid_us, to_local(value), now_us, to_local.quality(quality))
+            self._out[name](Sample(now_us, valid_us, value, quality))
 
 
-def _position(estimate: Estimate) -> tuple[Value, Quality]:
+def _position(sample: Sample) -> Sample:
+    estimate: Estimate = sample.value
     north_m, east_m = metres_per_degree(estimate.latitude_deg)
     quality = independent(estimate.var_n / north_m**2, estimate.var_e / east_m**2)
-    return (estimate.latitude_deg, estimate.longitude_deg), quality
+    return Sample(*sample[:2], (estimate.latitude_deg, estimate.longitude_deg), quality)
 
 
-def _altitude(estimate: Estimate) -> tuple[Value, Quality]:
-    return (estimate.altitude_m,), independent(estimate.var_d)
+def _altitude(sample: Sample) -> Sample:
+    estimate: Estimate = sample.value
+    return Sample(*sample[:2], (estimate.altitude_m,), independent(estimate.var_d))
 
 
-def _velocity(estimate: Estimate) -> tuple[Value, Quality]:
+def _velocity(sample: Sample) -> Sample:
+    estimate: Estimate = sample.value
     value = estimate.north_m_s, estimate.east_m_s, estimate.down_m_s
-    return value, independent(estimate.var_vn, estimate.var_ve, estimate.var_vd)
+    return Sample(*sample[:2], value, independent(estimate.var_vn, estimate.var_ve, estimate.var_vd))
 
 
 _PARTS = {"heli-position": _position, "heli-altitude": _altitude, "heli-velocity": _velocity}
-"""Value of a label, in the ontology's units, and its quality: the covariance in their squares."""
-
-
-def _part_of_estimate(part: Callable[[Estimate], tuple[Value, Quality]], to_local: LabelConversion) -> UnitFunction:
-    def step(now_us: int, inputs: Inputs, state: Value) -> tuple[Sample | None, Value]:
-        (sample,) = inputs
-        if sample is None:
-            return None, state
-        if sample.value is NO_VALUE:
-            return Sample(now_us, sample.valid_us, NO_VALUE), state
-        value, quality = part(sample.value)
-        return to_local.sample(Sample(now_us, sample.valid_us, value, quality)), state
-
-    return step
+"""The sample of a label from one of the estimate, in the ontology's units, the covariance in their squares."""
 
 
 class WinchStream(Part):
@@ -226,6 +198,6 @@ class WinchStream(Part):
             self._is_offered = True
             self._network.add_source(self._label, self._translation.local_sort(LOAD))
             self._offer(now_us)
-        value = self._to_local((report.load_kg, report.line_m))
-        self._network.push(self._label, report.valid_us, value, self._clock.federation_us(now_us))
+        load = Sample(self._clock.federation_us(now_us), report.valid_us, (report.load_kg, report.line_m))
+        self._network.push(self._label, self._to_local.sample(load))
         return NOT_MINE

@@ -79,7 +79,7 @@ class Saliency(SharedMap):
             self._offer(now_us)
 
     def _on_look(self, sample: Sample) -> None:
-        look = person_look(self._unit, self._translation.to_semantic(PERCEPTS).sample(sample))
+        look = person_look(self._unit, sample)
         if look is None:
             return
         if self.search is None:
@@ -101,7 +101,7 @@ class Saliency(SharedMap):
                 self.partners.want(unit, {}, now_us)
 
     def _on_sample(self, unit: str, _label: str, sample: Sample) -> None:
-        found = person_entry(unit, self._translation.to_semantic(ENTRIES).sample(sample))
+        found = person_entry(unit, sample)
         if found is None:
             return
         entry, is_withdrawn = found

@@ -105,9 +105,8 @@ class Neighbourhood(Part):
         if intent is not None:
             intent = self._conformance.shown(intent)
             self._sent_us = fix.valid_us
-            self._network.push(
-                self._label, fix.valid_us, self._to_local(intent_value(intent)), self._clock.federation_us(now_us)
-            )
+            sample = Sample(self._clock.federation_us(now_us), fix.valid_us, intent_value(intent))
+            self._network.push(self._label, self._to_local.sample(sample))
 
     # -- others' -----------------------------------------------------------------------------------------------
 
@@ -118,7 +117,7 @@ class Neighbourhood(Part):
 
     def _on_import(self, unit: str, label: str, sample: Sample) -> None:
         if label == INTENT and sample.value is not NO_VALUE:
-            found = intent_of(self._translation.to_semantic(INTENT).sample(sample))
+            found = intent_of(sample)
             at_us = max(self._network.now_us, sample.available_us)
             if found is not None:
                 self.take(unit, found, at_us)

@@ -22,7 +22,7 @@ from agents.part import NOT_MINE, Followed, Part, PeerChange
 from agents.ports import PartRegistry, Ports
 from dyknow import NO_VALUE, Label, Policy, Quality, Sample
 from dyknow.model.sample import Predicted
-from dyknow.network.generator import Subscription
+from dyknow.network.stream_proxy import StreamProxy
 from federation.members.offers import LabelAppeared, LabelGone
 from federation.messages.descriptions import ConditionEntry, LabelEntry
 from navigation.geodesy import metres_per_degree
@@ -62,7 +62,7 @@ class Traffic(Part):
         )
         self._partners = Partners(ports.network, parts[LocalInstance], parts[SubscriptionKeeper], self._on_import)
         self._label = ports.translation.local_label(TRAFFIC, ports.unit)
-        self._fed: dict[Label, Subscription] = {}
+        self._fed: dict[Label, StreamProxy] = {}
         self._met: dict[Label, None] = {}
         self._offering = set[str]()
         self._sent = set[str]()
@@ -117,7 +117,8 @@ class Traffic(Part):
             del self._met[label]
             is_another = label not in self._fed and label.objects[:1] not in {(unit,) for unit in self._partners.units}
             if is_another and self._network.has(label) and len(self._fed) < MOST_STREAMS:
-                self._fed[label] = self._network.subscribe(label, Policy(), self._taker(label), self._ender(label))
+                take = self._translation.to_semantic(TRAFFIC).into(self._taker(label))
+                self._fed[label] = self._network.connect(label, Policy(), take, self._ender(label))
 
     def _taker(self, label: Label) -> Callable[[Sample], None]:
         source = "-".join(label.objects) or "host"
@@ -127,18 +128,19 @@ class Traffic(Part):
 
         return take
 
-    def _ender(self, label: Label) -> Callable[[], None]:
-        def end() -> None:
-            self._fed.pop(label, None)
+    def _ender(self, label: Label) -> Callable[[bool], None]:
+        def on_link(linked: bool) -> None:
+            if not linked and label in self._fed:
+                self._fed.pop(label).cancel()
 
-        return end
+        return on_link
 
     def _on_import(self, unit: str, label: str, sample: Sample) -> None:
         if label == TRAFFIC:
             self._take(sample, unit, "", "")
 
     def _take(self, sample: Sample, by: str, source: str, channel: str) -> None:
-        heard = heard_of(self._translation.to_semantic(TRAFFIC).sample(sample), source)
+        heard = heard_of(sample, source)
         if heard is not None:
             self.picture.take(heard, by, max(self._network.now_us, sample.available_us), channel)
             if self._due_us is None:
@@ -220,9 +222,10 @@ class Traffic(Part):
         to_local = self._translation.to_local(TRAFFIC)
         for one in own.values():
             quality = Quality(prediction=Predicted(min(one.heard_us, valid_us)))
-            self._network.push(self._label, valid_us, to_local(traffic_value(one)), federation_us, quality)
+            sample = Sample(federation_us, valid_us, traffic_value(one), quality)
+            self._network.push(self._label, to_local.sample(sample))
         for identity in self._sent - own.keys():
-            self._network.push(self._label, valid_us, to_local(ended_value(identity)), federation_us)
+            self._network.push(self._label, to_local.sample(Sample(federation_us, valid_us, ended_value(identity))))
         self._sent = set(own)
 
     def _look(self, own: MemberState | None, valid_us: int, federation_us: int, now_us: int) -> None:

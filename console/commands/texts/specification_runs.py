@@ -18,7 +18,7 @@ from console.commands.texts.run_output import tell_record
 from console.commands.texts.specification_files import instance_of, read_samples, read_text
 from console.errors import DONE, INTERRUPTED
 from console.output.shown import line, styled
-from dyknow import earlier
+from dyknow import Sample, earlier
 from dyknow.model.errors import DyknowError, TextErrors, WrongCall
 from proxies.files.named_files import beside
 from proxies.files.watched_file import WatchedFiles
@@ -27,7 +27,7 @@ from runtime.configuration.instants import SHORTEST_US, duration_us
 if TYPE_CHECKING:
     from agents.effects import Computed
     from anchoring.links.objects import LinkEvent
-    from dyknow import Label, Sample
+    from dyknow import Label
     from dyknow.network.process import Work
     from kpl.introspection.governor import Governor
     from proxies.recordings.sample_file import FedSample
@@ -64,9 +64,10 @@ class Run:
         self._call, self._path, self._fed, self.speed = call, path, fed, speed
         self.read_named = beside(path)
         self.network = Network()
-        self.network.on_fault = FaultLog(lambda said: call.out.note(f"note: {said}")).on_fault
-        self.network.on_producer = self._on_producer
-        hooks = Hooks(self._on_sample, self._on_link, self._on_alarm, self._on_found)
+        faults = FaultLog(lambda said: call.out.note(f"note: {said}"))
+        hooks = Hooks(
+            self._on_sample, self._on_link, self._on_alarm, self._on_found, faults.on_fault, self._on_producer
+        )
         self.instance = instance_of(self.network, hooks, modules, unit, labels=call.settings.ontology, roads=roads)
         self._governor: Governor | None = None
         self._waited_us = 0
@@ -172,7 +173,7 @@ class Run:
                     at_us = following.at_us
                     while following is not None and following.at_us == at_us:
                         valid_us = following.valid_us + begins_us
-                        self.instance.push(following.source, valid_us, following.value, self.now_us)
+                        self.instance.push(following.source, Sample(self.now_us, valid_us, following.value))
                         following = next(fed, None)
             else:
                 self.network.on_time(self.now_us)

@@ -8,7 +8,7 @@ from agents.admission.admission import Admission
 from agents.containment import DEAF_US, QUIET_US, TRIES
 from agents.exchange.peer_motion import PeerMotion
 from agents.monitoring.unit_monitoring import UnitMonitoring
-from dyknow import Network, Policy, Sort
+from dyknow import Network, Policy, Sample, Sort
 from federation.messages.contents import Goto, MonitorProximity, Tasks
 from tests.agents.rosters import trust
 from tests.box import Box
@@ -80,10 +80,10 @@ def test_one_consumer_that_raises_does_not_keep_a_sample_from_the_others_and_is_
             raise ValueError(sample.value)
         got.append(("first", sample.value))
 
-    network.subscribe("a", Policy(), consumer)
-    network.subscribe("a", Policy(), lambda sample: got.append(("second", sample.value)))
+    network.connect("a", Policy(), consumer)
+    network.connect("a", Policy(), lambda sample: got.append(("second", sample.value)))
     for at_us in range(6):
-        network.push("a", at_us * 500, float(at_us), at_us * 500)
+        network.push("a", Sample(at_us * 500, at_us * 500, float(at_us)))
     assert [value for who, value in got if who == "second"] == [0.0, 1.0, 2.0, 3.0, 4.0, 5.0]
     assert [value for who, value in got if who == "first"] == [4.0, 5.0]
     assert told == [(consumer, "a", "0.0"), (consumer, "a", "2.0")]
@@ -92,9 +92,9 @@ def test_one_consumer_that_raises_does_not_keep_a_sample_from_the_others_and_is_
 def test_what_raises_in_a_network_that_contains_nothing_is_raised_by_the_push() -> None:
     network = Network()
     network.add_source("a", Sort("number"))
-    network.subscribe("a", Policy(), fail)
+    network.connect("a", Policy(), fail)
     with pytest.raises(RuntimeError, match="made to"):
-        network.push("a", 0, 1.0, 0)
+        network.push("a", Sample(0, 0, 1.0))
 
 
 def test_an_answer_whose_taker_raises_ends_that_conversation_and_is_the_answerers(wire: Box) -> None:

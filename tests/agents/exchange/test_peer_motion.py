@@ -125,7 +125,7 @@ def test_who_repeats_the_positions_of_another_is_named_by_all_and_by_the_other(w
     liar = monitored(wire)
     network = wire.platform("1").part(FlightAgent).streams._network
     estimates: dict[int, Any] = {}
-    network.subscribe(
+    network.connect(
         wire.platform("1").part(FlightAgent).streams.estimate,
         Policy(),
         lambda one: estimates.setdefault(one.valid_us, one.value),

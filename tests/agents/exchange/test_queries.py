@@ -171,7 +171,7 @@ def test_the_first_sample_answers_who_asked_before_it(wire: Box, quiet: Platform
     question = ask(wire, scope=scope)
     assert question.performatives == []
     now_us = quiet.clock.federation_us(wire.now_us)
-    quiet.ports.network.generator(quiet.built.gateway.local(LABEL)).push(now_us, (31.0,), now_us)
+    quiet.ports.network.generator(quiet.built.gateway.local(LABEL)).push(Sample(now_us, now_us, (31.0,)))
     wire.run(0.1)
     (content,) = question.contents
     (samples,) = content.answers if isinstance(content, Answers) else (content,)

@@ -8,7 +8,7 @@ import pytest
 from agents.monitoring.checks import Checks
 from agents.platform import Platform
 from agents.specification.specification_part import SpecificationPart
-from dyknow import Label, prototypes_in, source
+from dyknow import Label, Sample, prototypes_in, source
 from federation.messages.acts import Performative
 from federation.messages.contents import CheckFormula, Verdict
 from kpl import parse_specification
@@ -104,7 +104,7 @@ def test_a_formula_speaks_of_streams_of_the_specification_and_of_derived_feature
     dialogue = pair.world.ask("1", "0", CheckFormula(text=text, timeout_s=8.0), Performative.REQUEST)
     for _ in range(80):
         now_us = pair.world.platform("0").ports.network.now_us // PERIOD_US * PERIOD_US
-        instance.push("fed", now_us, (90.0,), pair.world.platform("0").ports.network.now_us)
+        instance.push("fed", Sample(pair.world.platform("0").ports.network.now_us, now_us, (90.0,)))
         pair.world.run_for(0.1)
     said = dialogue.said[-1][1]
     assert (said.verdict, said.no_value, said.missing) == ("false", (), ())

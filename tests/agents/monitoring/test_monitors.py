@@ -25,6 +25,7 @@ from dyknow import (
     Value,
 )
 from federation.sharing.ontology import default_ontology
+from federation.sharing.translation import LabelConversion
 from reasoning import AlarmEvent, Monitor, builtin_profiles, closest_approach, instantiate, offset_m
 
 UNIT, OTHERS = "0", ("1", "2", "3")
@@ -69,7 +70,7 @@ class OnePair:
         whenever = Policy(change="sample", sample_us=plan.period_us, max_delay_us=plan.max_delay_us)
         self.states = Synchronizer([StateInput(name, whenever) for name in self.names], exactly)
         for i, name in enumerate(self.names):
-            network.subscribe(Label.parse(name), policy, lambda sample, i=i: self.on_sample(i, sample))  # type: ignore[misc]
+            network.connect(Label.parse(name), policy, lambda sample, i=i: self.on_sample(i, sample))  # type: ignore[misc]
 
     def on_sample(self, i: int, sample: Sample) -> None:
         self.take(self.states.on_sample(i, sample, sample.available_us), sample.available_us)
@@ -124,7 +125,7 @@ class Flights:
 def test_the_alarms_are_those_of_a_monitor_for_each_pair_by_itself(seed: int, spread: float, rough: float) -> None:
     flights, told, expected = Flights(seed, spread, rough), list[AlarmEvent](), list[AlarmEvent]()
     network, book = flights.network, PlanBook(UNIT, builtin_profiles())
-    ours = UnitMonitors(UNIT, network, lambda name, of: (Label(name, (of,)), lambda value: value), told.append)
+    ours = UnitMonitors(UNIT, network, lambda name, of: (Label(name, (of,)), LabelConversion(None)), told.append)
     for other in OTHERS:
         ours.join(other, 0)
     pairs = []
@@ -132,7 +133,7 @@ def test_the_alarms_are_those_of_a_monitor_for_each_pair_by_itself(seed: int, sp
         ours.create(plan, "test", 0)
         pairs += [OnePair(plan, other, network, expected) for other in OTHERS]
     for at_us, name, valid_us, value in sorted(each for number in range(1, 70) for each in flights.fly(number)):
-        network.push(Label.parse(name), valid_us, value, at_us)
+        network.push(Label.parse(name), Sample(at_us, valid_us, value))
         for each in (network, ours, *pairs):
             each.on_time(at_us)
     assert sorted(told, key=repr) == sorted(expected, key=repr)
@@ -147,14 +148,14 @@ def test_an_alarm_names_the_valid_time_of_every_sample_of_its_state() -> None:
     for unit in (UNIT, "1"):
         for name in LABELS:
             network.add_source(Label(name, (unit,)), default_ontology()[name].sort, 64)
-    ours = UnitMonitors(UNIT, network, lambda name, of: (Label(name, (of,)), lambda value: value), told.append)
+    ours = UnitMonitors(UNIT, network, lambda name, of: (Label(name, (of,)), LabelConversion(None)), told.append)
     ours.join("1", 0)
     ours.create(PlanBook(UNIT, builtin_profiles()).named("proximity"), "test", 0)
     for number, metres in enumerate((300, 300, 5, 300, 300)):
         at_us = number * PERIOD_US
         for unit, north_m in ((UNIT, 0), ("1", metres)):
-            network.push(Label("heli-position", (unit,)), at_us, (58.4 + north_m / 111_320, 15.5), at_us + 5)
-            network.push(Label("heli-altitude", (unit,)), at_us, (50.0,), at_us + 9)
+            network.push(Label("heli-position", (unit,)), Sample(at_us + 5, at_us, (58.4 + north_m / 111_320, 15.5)))
+            network.push(Label("heli-altitude", (unit,)), Sample(at_us + 9, at_us, (50.0,)))
     names = {f"{name}[{unit}]" for name in LABELS[:2] for unit in (UNIT, "1")}
     assert [(each.event, each.valid_us, each.samples_us) for each in told] == [
         ("opened", 200_000, dict.fromkeys(names, 200_000)),
@@ -169,7 +170,7 @@ def test_an_alarm_of_a_pair_that_rests_on_predicted_samples_is_marked_with_when_
     for name in LABELS:
         for unit in (UNIT, "1"):
             network.add_source(Label(name, (unit,)), ontology[name].sort, 64)
-    ours = UnitMonitors(UNIT, network, lambda name, of: (Label(name, (of,)), lambda value: value), told.append)
+    ours = UnitMonitors(UNIT, network, lambda name, of: (Label(name, (of,)), LabelConversion(None)), told.append)
     ours.create(PlanBook(UNIT, builtin_profiles()).named("closest-approach"), "task", 0)
     ours.join("1", 0)
 
@@ -177,7 +178,7 @@ def test_an_alarm_of_a_pair_that_rests_on_predicted_samples_is_marked_with_when_
         """Towards each other at 20 m/s, 29 s apart at first."""
         for unit, longitude_deg, east_m_s, quality in ((UNIT, 15.0, 10.0, SURE), ("1", 15.01, -10.0, other)):
             for name, value in zip(LABELS, ((58.4, longitude_deg), (100.0,), (0.0, east_m_s, 0.0)), strict=True):
-                network.push(Label(name, (unit,)), t_us, value, t_us, quality=quality)
+                network.push(Label(name, (unit,)), Sample(t_us, t_us, value, quality))
         ours.on_time(t_us)
 
     fly(PERIOD_US, other=Quality(prediction=Predicted(made_us=-4_900_000)))

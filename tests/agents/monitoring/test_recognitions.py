@@ -4,7 +4,7 @@ import pytest
 
 from agents.config import PlatformConfig
 from agents.monitoring.recognitions import MOST_OF_ONE, Recognitions
-from dyknow import prototypes_in, source
+from dyknow import Sample, prototypes_in, source
 from federation.messages.acts import Performative
 from federation.messages.contents import Expected, Reason, Recognise, Recognised
 from sim_uavs.world.world import World
@@ -141,7 +141,7 @@ def test_samples_that_come_later_than_they_may_are_reported(world):
     network = world.platform("1").ports.network
     generator = network.generator("link[a]")
     now_us = network.now_us
-    generator.push(now_us - PERIOD_US // 2, "l3", now_us)
+    generator.push(Sample(now_us, now_us - PERIOD_US // 2, "l3"))
     world.run_for(2)
     assert opened.watch.ignored["late"] == 1
     assert [said.text for said in dialogue.results if isinstance(said, Reason) and "1 late" in said.text]

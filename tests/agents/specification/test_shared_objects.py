@@ -3,7 +3,7 @@
 import pytest
 
 from agents.effects import Fed
-from dyknow import NO_VALUE
+from dyknow import NO_VALUE, Sample
 from federation.messages.acts import Performative
 from federation.messages.contents import CheckFormula
 from tests.agents.specification.test_specification_part import Pair
@@ -84,7 +84,7 @@ def test_attributes_that_are_not_known_travel_and_the_end_of_an_object_does_too(
         road.world.call(
             "0",
             lambda _platform, _at_us, now_us=now_us, end=end: generator.push(
-                now_us, ("car1", 9.0, 0.0, nan, NO_VALUE, "", end), now_us
+                Sample(now_us, now_us, ("car1", 9.0, 0.0, nan, NO_VALUE, "", end))
             ),
         )
         road.world.run_for(0.5)

@@ -74,10 +74,10 @@ def test_a_process_outlives_its_prototype_and_goes_with_its_generator(prototypes
     create(network, SPEED, prototypes.find("SpeedEst"), [Input(POS)])
     got: list[Sample] = []
     network.connect(SPEED, Policy(), got.append)
-    network.push(POS, 1, 2, 3)
+    network.push(POS, Sample(3, 1, 2))
     assert times(got) == [(3, 1, 4)]
     prototypes.remove("SpeedEst")
-    network.push(POS, 2, 3, 4)
+    network.push(POS, Sample(4, 2, 3))
     assert len(got) == 2
     network.remove(SPEED)
     assert network.labels() == (POS,)
@@ -114,7 +114,7 @@ def test_an_output_policy_is_kept_by_the_process(prototypes: Prototypes, network
     got: list[Sample] = []
     network.connect(SPEED, Policy(), got.append)
     for t in (10, 20, 30, 40, 20):
-        network.push(POS, t, t, t + 1)
+        network.push(POS, Sample(t + 1, t, t))
     assert [s.valid_us for s in got] == [20, 40]
     assert network.generator(SPEED).history.get_size() == 2
 
@@ -144,7 +144,7 @@ def test_values_of_sorts_that_are_known_are_checked_and_others_are_not() -> None
         got: list[Sample] = []
         network.connect(SPEED, Policy(), got.append)
         for t, value in enumerate([(1.0, 2.0), 3.0, frozenset({"a"})]):
-            network.push(POS, t, value, t)
+            network.push(POS, Sample(t, t, value))
         assert len(got) == passed
 
 
@@ -157,7 +157,7 @@ def test_the_operations_of_a_stream_generator() -> None:
         with pytest.raises(ValueNotAvailable):
             ask()
     for t, valid_us in enumerate([10, 40, 20, 30], 1):
-        network.push(POS, valid_us, t, t)
+        network.push(POS, Sample(t, valid_us, t))
     assert history.get_size() == 3
     assert history.get_latest().valid_us == 30
     assert history.get_latest_vtime().valid_us == 40

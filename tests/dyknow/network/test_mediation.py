@@ -52,7 +52,7 @@ def happenings(draw, sets=sets):
 def feed(network, events):
     for name, valid_us, value, now_us in events:
         pass_time(network, now_us)
-        network.push(name, valid_us, value, now_us)
+        network.push(name, Sample(now_us, valid_us, value))
 
 
 def members(value, single, before):
@@ -119,9 +119,9 @@ def test_mediation_that_begins_in_the_past_is_what_had_been_there(events, single
 def test_a_past_of_members_that_is_not_held_is_refused() -> None:
     network = network_of_cars(history=5)
     mediate(network, single=False)
-    network.push(IDS, 0, ("a", "b"), 0)
+    network.push(IDS, Sample(0, 0, ("a", "b")))
     for t in range(100, 1200, 10):
-        network.push(pos("a"), t, t, t)
+        network.push(pos("a"), Sample(t, t, t))
     before = state_of(network)
     with pytest.raises(ValueNotAvailable, match="earliest possible time is 1141 us"):
         network.connect(OUT, Policy(), lambda _: None, from_us=100)
@@ -136,12 +136,12 @@ def test_members_and_their_streams_may_come_in_any_order() -> None:
     network.add_process(OUT, ANY, Mediation(Input(Label("made")), lambda car: Input(pos(car)), single=False))
     network.connect(OUT, Policy(), got.append)
     network.add_source(IDS, ANY)
-    network.push(IDS, 0, ("a", "b"), 0)
+    network.push(IDS, Sample(0, 0, ("a", "b")))
     same = UnitPrototype("Same", "any", ("any",), lambda: of_values(lambda named: named))
     network.add_process(Label("made"), ANY, RefinementProcess(same, [Input(IDS)]))
     assert list(network.process(OUT).members) == ["a", "b"]  # type: ignore[union-attr]
     network.add_source(pos("b"), ANY)
-    network.push(pos("b"), 1, 1, 1)
+    network.push(pos("b"), Sample(1, 1, 1))
     assert times(got) == [(1, 1, 1)]
 
 
@@ -150,12 +150,12 @@ def test_only_what_is_asked_for_is_asked_of_the_members() -> None:
     for car, unit in units.items():
         network.add_process(Label("far", (car,)), ANY, RefinementProcess(unit.prototype, [Input(pos(car))]))
     network.add_process(OUT, ANY, Mediation(Input(IDS), lambda car: Input(Label("far", (car,))), single=False))
-    network.push(IDS, 0, ("a",), 0)
+    network.push(IDS, Sample(0, 0, ("a",)))
     network.connect(OUT, policy("sample every 100us, from 0 to oo"), lambda _: None)
-    network.push(IDS, 0, ("a", "b"), 1)
+    network.push(IDS, Sample(1, 0, ("a", "b")))
     for t in range(50, 300, 50):
         for car in CARS:
-            network.push(pos(car), t, t, t)
+            network.push(pos(car), Sample(t, t, t))
     assert [units[car].seen for car in CARS] == [[100, 200], [100, 200], []]
 
 
@@ -163,10 +163,10 @@ def test_what_is_not_of_the_sort_is_not_passed_on() -> None:
     network, got, faults = network_of_cars(), [], []
     network.on_fault = lambda _name, said: faults.append(said)
     network.add_process(OUT, NUMBER, Mediation(Input(IDS), lambda car: Input(pos(car)), single=False))
-    network.push(IDS, 0, ("a",), 0)
+    network.push(IDS, Sample(0, 0, ("a",)))
     network.connect(OUT, Policy(), got.append)
     for t, value in enumerate([1.0, (2.0, 3.0), 4.0, float("nan")]):
-        network.push(pos("a"), t, value, t)
+        network.push(pos("a"), Sample(t, t, value))
     assert [s.value for s in got] == [1.0, 4.0]
     assert len(faults) == 2
     assert "not of the sort" in faults[0]
@@ -202,11 +202,11 @@ def test_what_names_no_object_is_told_and_changes_nothing(value) -> None:
     network, faults = network_of_cars(), []
     network.on_fault = lambda name, said: faults.append((name, said))
     mediate(network, single=False)
-    network.push(IDS, 0, ("a",), 0)
+    network.push(IDS, Sample(0, 0, ("a",)))
     network.connect(OUT, Policy(), lambda _: None)
     held: set[str] = set()
     configuration = Configuration(network, Input(IDS), held.add, held.discard, members_of)
-    network.push(IDS, 1, value, 1)
+    network.push(IDS, Sample(1, 1, value))
     assert [name for name, _ in faults] == [OUT, IDS]
     assert list(network.process(OUT).members) == ["a"]  # type: ignore[union-attr]
     assert list(configuration.members) == ["a"]

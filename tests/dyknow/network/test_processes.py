@@ -18,6 +18,7 @@ from tests.dyknow.networks import (
     NUMBER,
     Counted,
     arrivals,
+    compute,
     doubled,
     feed,
     invariants,
@@ -71,7 +72,7 @@ def serve(network, events, wanted, forgotten=()):
             if to_at == at:
                 streams[i].cancel()
         if event is not None:
-            network.push(label(event[0]), event[1], event[2], event[3])
+            network.push(label(event[0]), Sample(event[3], event[1], event[2]))
     pass_time(network, 2_000)
     return [times(one) for one in got]
 
@@ -83,7 +84,7 @@ def test_on_demand_every_client_gets_what_it_would_get_if_everything_were_always
     wanted = data.draw(st.lists(clients(len(chain), len(events)), max_size=4))
     eager, network = lazy(), lazy()
     for i, (upon, policy) in enumerate(chain, 1):
-        eager.add_unit(label(i), ANY, of_values(doubled), [(label(upon), policy)])
+        compute(eager, i, of_values(doubled), upon, policy)
         refine(network, i, Counted().prototype, [(upon, policy)])
     assert serve(network, events, wanted) == serve(eager, events, wanted)
     invariants(network)
@@ -136,7 +137,7 @@ def test_nothing_is_computed_that_nobody_asked_for(data) -> None:
     before = len(counted[0].seen)
     stream.cancel()
     last_us = network.now_us
-    network.push(label(0), 0, 1, last_us + 1)
+    network.push(label(0), Sample(last_us + 1, 0, 1))
     assert len(counted[0].seen) == before
     invariants(network)
 
@@ -346,7 +347,7 @@ def test_generators_come_go_and_are_replaced_under_a_client(steps) -> None:
     for step in steps:
         if step in {"push", "tie"}:
             now_us += 10 if step == "push" else 0
-            network.push(label(0), now_us, 1, now_us)
+            network.push(label(0), Sample(now_us, now_us, 1))
             if there:
                 pushed.append(now_us)
         elif step == "remove" and there:
@@ -374,14 +375,14 @@ def test_what_a_replaced_process_made_stays() -> None:
     got: list[Sample] = []
     network.connect(label(1), Policy(), got.append)
     for _ in range(3):
-        network.push(label(0), 5, 1, 5)
+        network.push(label(0), Sample(5, 5, 1))
     assert [s.available_us for s in got] == [5, 6, 7]
     network.replace_process(label(1), ANY, RefinementProcess(remembering(1), [Input(label(0))]))
-    network.push(label(0), 6, 1, 6)
+    network.push(label(0), Sample(6, 6, 1))
     assert [s.available_us for s in got] == [5, 6, 7, 8]
     assert network.snapshot(label(1)).get_size() == 4
     network.replace_process(label(1), ANY, None)
-    network.push(label(1), 7, 7, 9)
+    network.push(label(1), Sample(9, 7, 7))
     assert got[-1].value == 7
     with pytest.raises(SortError, match="cannot replace"):
         network.replace_process(label(1), NUMBER, None)
@@ -398,7 +399,7 @@ def test_what_rests_can_be_asked_and_rests_again() -> None:
     assert history.most_recent_at(25, 100).value == 6
     assert history.get_closest_at_or_before(39).valid_us == 30
     assert state_of(network) == before
-    network.push(label(0), 50, 1, 50)
+    network.push(label(0), Sample(50, 50, 1))
     assert history.get_size() == 4, "a snapshot does not go on"
 
 
@@ -415,7 +416,7 @@ def test_attributes_come_with_those_who_want_them_and_go_with_them() -> None:
     network.add_source(UAV, POS)
     assert early.linked
     assert network.is_implicit(ALTITUDE)
-    network.push(UAV, 5, (58.0, 120.5), 6)
+    network.push(UAV, Sample(6, 5, (58.0, 120.5)))
     assert times(got) == [(6, 5, 120.5)]
     early.cancel()
     assert state_of(network)["labels"] == (UAV,)
@@ -426,7 +427,7 @@ def test_attributes_come_with_those_who_want_them_and_go_with_them() -> None:
         small = Network(history=1)
         small.add_source(UAV, POS)
         for t in range(200):
-            small.push(UAV, t, (0.0, 0.0), t)
+            small.push(UAV, Sample(t, t, (0.0, 0.0)))
         small.connect(ALTITUDE, Policy(), got.append, from_us=0)
     assert small.labels() == (UAV,)
     again = network.connect(ALTITUDE, Policy(), got.append, from_us=0)
@@ -448,7 +449,7 @@ def test_a_chain_over_an_attribute_begins_in_the_past_too() -> None:
     network.add_source(UAV, POS)
     network.add_process(label(1), ANY, RefinementProcess(remembering(1), [Input(ALTITUDE)]))
     for t in range(3):
-        network.push(UAV, t, (0.0, 2.0), t)
+        network.push(UAV, Sample(t, t, (0.0, 2.0)))
     stream = network.connect(label(1), Policy(), lambda _: None, from_us=1)
     assert [s.value for s in stream.take_backlog()] == [2.0, 4.0]
     stream.cancel()
@@ -469,7 +470,7 @@ def test_a_unit_that_raises_or_makes_what_is_not_of_its_sort_ends_nothing() -> N
     got: list[Sample] = []
     network.connect(label(1), Policy(), got.append)
     for t, value in enumerate([(1.0, 2.0), 3, 4, (5.0, 6.0)]):
-        network.push(label(0), t, value, t)
+        network.push(label(0), Sample(t, t, value))
     assert [s.value for s in got] == [(1.0, 2.0), (5.0, 6.0)]
     assert [name for name, _ in faults] == [label(1)] * 2
     assert "ZeroDivisionError" in faults[0][1]
@@ -482,7 +483,7 @@ def test_a_unit_that_raises_or_makes_what_is_not_of_its_sort_ends_nothing() -> N
         label(2), ANY, RefinementProcess(UnitPrototype("Broken", "any", ("any",), broken), [Input(label(0))])
     )
     network.connect(label(2), Policy(), got.append)
-    network.push(label(0), 9, 1, 9)
+    network.push(label(0), Sample(9, 9, 1))
     assert "Broken cannot be made" in faults[2][1]
 
 

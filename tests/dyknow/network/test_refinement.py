@@ -6,7 +6,7 @@ from dataclasses import replace
 from hypothesis import given
 from hypothesis import strategies as st
 
-from dyknow import Label, Network, Policy, Sort, computational_unit, value_unit
+from dyknow import Label, Network, Policy, Sample, Sort, computational_unit, value_unit
 from dyknow.network.process import Input, Outcome
 from dyknow.network.prototypes import UnitPrototype, prototypes_in
 from dyknow.network.refinement import LATE_US, MAX_WAITING, SHOWN, SLOW_US, STUCK_US, RefinementProcess
@@ -49,7 +49,7 @@ def test_two_inputs_from_one_source_are_one_element() -> None:
     refine(network, 1, unit(2), (0, 0))
     got = listen(network, 1)
     for value in (10, 20):
-        network.push(label(0), value, value, value)
+        network.push(label(0), Sample(value, value, value))
     assert [sample.value for sample in got] == [(10, 10), (20, 20)]
 
 
@@ -63,7 +63,7 @@ def test_over_a_diamond_of_unequal_branches_no_element_mixes_two_instants() -> N
     refine(network, 5, unit(3), (4, 0, 1))
     got = listen(network, 5)
     for value in (1, 2, 3):
-        network.push(label(0), value, value, value)
+        network.push(label(0), Sample(value, value, value))
     assert [sample.value for sample in got] == [(value,) * 3 for value in (1, 2, 3)]
 
 
@@ -74,20 +74,10 @@ def test_several_pushes_of_one_instant_are_one_element() -> None:
     refine(network, 2, unit(2), (0, 1))
     got = listen(network, 2)
     with network.instant.whole():
-        network.push(label(0), 1, "a", 1)
-        network.push(label(1), 1, "b", 1)
-    network.push(label(0), 2, "c", 2)
+        network.push(label(0), Sample(1, 1, "a"))
+        network.push(label(1), Sample(1, 1, "b"))
+    network.push(label(0), Sample(2, 2, "c"))
     assert [sample.value for sample in got] == [("a", "b"), ("c", "b")]
-
-
-def test_a_unit_that_is_eager_takes_one_element_an_instant_too() -> None:
-    network = Network()
-    network.add_source(label(0), ANY)
-    step = unit(2).make()
-    network.add_unit(label(1), ANY, step, [(label(0), Policy()), (label(0), Policy())])
-    got = listen(network, 1)
-    network.push(label(0), 1, 7, 1)
-    assert [sample.value for sample in got] == [(7, 7)]
 
 
 @given(
@@ -108,7 +98,7 @@ def test_of_units_that_have_what_they_need_the_highest_priority_is_called_first(
         listen(network, i)
     for instant in (1, 2):
         called.clear()
-        network.push(label(0), instant, instant, instant)
+        network.push(label(0), Sample(instant, instant, instant))
         assert sorted(called) == sorted(takes), "each once an instant"
         for at, i in enumerate(called):
             made = {0, *called[:at]}
@@ -125,7 +115,7 @@ def test_a_past_is_joined_as_it_was() -> None:
     network.add_source(label(0), ANY)
     refine(network, 1, unit(2), (0, 0))
     for value in (1, 2):
-        network.push(label(0), value, value, value)
+        network.push(label(0), Sample(value, value, value))
     assert [sample.value for sample in network.snapshot(label(1)).get_between(0, 9)] == [(1, 1), (2, 2)]
 
 
@@ -219,7 +209,7 @@ def test_what_a_unit_makes_is_available_when_it_has_finished(units, events) -> N
         pass_time(network, now_us - 1)
         with network.instant.whole():
             network.on_time(now_us)
-            network.push(label(source), now_us, (source, now_us), now_us)
+            network.push(label(source), Sample(now_us, now_us, (source, now_us)))
     pass_time(network, end_us)
     has = [[(sample.available_us, sample.value) for sample in each] for each in got]
     assert has == expected(units, events, end_us)
@@ -265,7 +255,7 @@ def apart(prototype):
 
 def push(network, bench, value):
     bench.us = max(bench.us, value)
-    network.push(label(0), value, value, value)
+    network.push(label(0), Sample(value, value, value))
 
 
 def test_a_unit_is_made_and_called_in_a_worker_until_it_has_shown_to_be_fast() -> None:
@@ -335,9 +325,9 @@ def test_only_so_many_wait_and_a_unit_that_does_not_return_is_told_once() -> Non
 
 def test_what_a_unit_raises_in_a_worker_is_told_and_ends_nothing() -> None:
     network, bench, _, got, faults = apart(unit(1, function=lambda values: 1 // values[0][0]))
-    network.push(label(0), 1, (0,), 1)
+    network.push(label(0), Sample(1, 1, (0,)))
     bench.do(10)
-    network.push(label(0), 2, (1,), 2)
+    network.push(label(0), Sample(2, 2, (1,)))
     bench.do(10)
     assert [sample.value for sample in got] == [1]
     assert "ZeroDivisionError" in faults[0]
@@ -361,9 +351,9 @@ def test_two_inputs_of_a_unit_that_is_busy_are_taken_together_when_they_are_late
     bench = Bench(network)
     process = refine(network, 2, unit(2, cost_us=SLOW_US + 1), (0, 1))
     got = listen(network, 2)
-    network.push(label(0), 1, "first", 1)
-    network.push(label(0), 2, "late", 2)
-    network.push(label(1), 3_000_000, "newest", 3_000_000)
+    network.push(label(0), Sample(1, 1, "first"))
+    network.push(label(0), Sample(2, 2, "late"))
+    network.push(label(1), Sample(3_000_000, 3_000_000, "newest"))
     bench.us = 4_000_000
     bench.do(0)
     bench.do(0)
@@ -402,7 +392,7 @@ def test_a_unit_may_make_several_samples_of_one() -> None:
     refine(network, 1, prototypes_in([split])[0], (0,))
     got = listen(network, 1)
     for value in (2, 0, 1):
-        network.push(label(0), value, value, value)
+        network.push(label(0), Sample(value, value, value))
     assert [sample.value for sample in got] == [("a", 2), ("b", 2), ("a", 1)]
 
 
@@ -417,6 +407,6 @@ def test_a_list_of_other_things_is_a_value_and_refused_as_before() -> None:
     network.on_fault = lambda _label, said: faults.append(said)
     refine(network, 1, prototypes_in([listed])[0], (0,))
     got = listen(network, 1)
-    network.push(label(0), 1, 1, 1)
+    network.push(label(0), Sample(1, 1, 1))
     assert got == []
     assert "not of its sort" in faults[0]

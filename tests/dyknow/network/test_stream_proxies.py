@@ -56,9 +56,9 @@ def test_a_client_may_cancel_and_remove_while_it_is_told() -> None:
 
     streams.append(network.connect(label(0), Policy(), got.append, on_link))
     streams.append(network.connect(label(0), Policy(), lambda _: network.remove(label(0))))
-    network.push(label(0), 1, 1, 1)
+    network.push(label(0), Sample(1, 1, 1))
     network.add_source(label(0), ANY)
-    network.push(label(0), 2, 2, 2)
+    network.push(label(0), Sample(2, 2, 2))
     assert times(got) == [(1, 1, 1)]
 
 
@@ -160,7 +160,7 @@ def test_a_stream_that_gets_next_to_nothing_for_its_grid_says_so_once(text, step
     network.connect(label(0), policy(text), lambda _sample: None)
     for i in range(1, 1000 // step_us):
         valid_us = step_us * i + jitter_us * (1 + i % 17)
-        network.push(label(0), valid_us, i, valid_us)
+        network.push(label(0), Sample(valid_us, valid_us, i))
     assert len(said) == told
     assert all("next to nothing" in each and "`use linear`" in each for each in said)
 
@@ -186,7 +186,7 @@ def heard(samples, wanted, clients, changes, lost_at, current) -> list[list[Samp
             network.add_source(label(0), ANY)
         while (due_us := network.deadline_us) is not None and due_us < s.available_us:
             network.on_time(due_us)
-        network.push(label(0), s.valid_us, s.value, s.available_us)
+        network.push(label(0), s)
     return got
 
 
@@ -213,7 +213,7 @@ def test_a_client_gets_what_it_would_get_alone(samples, wanted, clients, changes
 def test_streams_of_one_policy_that_begin_together_share_one_adapter() -> None:
     network = network_of_one()
     streams = [network.connect(label(0), policy("sample every 20us"), lambda _: None) for _ in range(3)]
-    network.push(label(0), 1, 1, 1)
+    network.push(label(0), Sample(1, 1, 1))
     late = network.connect(label(0), policy("sample every 20us"), lambda _: None)
     assert len({stream.adapter for stream in streams}) == 1
     assert late.adapter is not streams[0].adapter

@@ -34,7 +34,7 @@ class Seen:
 
     def see(self, symbol: str, at_us: int, x_m: float = 0.0, colour: str = "red", *, end: bool = False) -> None:
         self.network.on_time(at_us)
-        self.network.push(CARS, at_us, (symbol, x_m, colour, end), at_us)
+        self.network.push(CARS, Sample(at_us, at_us, (symbol, x_m, colour, end)))
 
 
 steps = st.lists(st.tuples(st.sampled_from("abc"), st.integers(0, 40), st.booleans()), max_size=30)
@@ -107,7 +107,7 @@ def test_a_domain_that_is_asked_for_before_its_stream_is_there_begins_with_it() 
     seen = Seen()
     brought, colours = seen.follow("trucks.objects"), seen.follow("length_m[t1]")
     seen.network.add_source(Label("trucks"), Sort("truck", (Field("symbol", "text"), Field("length_m", "m"))))
-    seen.network.push("trucks", SECOND, ("t1", 9.0), SECOND)
+    seen.network.push("trucks", Sample(SECOND, SECOND, ("t1", 9.0)))
     assert [each.value for each in brought] == [(), ("t1",)]
     assert [each.value for each in colours] == [9.0]
 

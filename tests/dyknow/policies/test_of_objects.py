@@ -74,10 +74,10 @@ def test_subscribers_of_object_streams_get_them_so_and_continue_so_under_another
     proxy = network.connect(Label("cars"), Policy.of("sample every 100, from 0"), brought.append)
     for at_us in (13_000, 14_000):
         for symbol in ("a", "b"):
-            network.push("cars", at_us, (symbol, 0.0, False), at_us)
+            network.push("cars", Sample(at_us, at_us, (symbol, 0.0, False)))
     proxy.stretch(2)
     for symbol in ("a", "b", "c"):
-        network.push("cars", 150_000, (symbol, 0.0, False), 150_000)
+        network.push("cars", Sample(150_000, 150_000, (symbol, 0.0, False)))
     assert [(each.value[0], each.valid_us) for each in brought] == [("a", 13_000), ("b", 13_000), ("c", 150_000)]
 
 

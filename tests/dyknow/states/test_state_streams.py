@@ -48,11 +48,11 @@ def test_sampled_states_are_those_of_the_synchroniser_over_adapted_inputs(events
     maker = Synchronizer([StateInput(str(i), INPUT) for i in range(2)], StatePolicy(20, 40, from_us=0))
     for i in range(2):
         direct.add_source(label(i), ANY)
-        direct.subscribe(label(i), INPUT, lambda s, i=i: found.extend(maker.on_sample(i, s, s.available_us)))
+        direct.connect(label(i), INPUT, lambda s, i=i: found.extend(maker.on_sample(i, s, s.available_us)))
     for source, valid_us, value, now_us in events:
         while (due_us := maker.deadline_us) is not None and due_us < now_us:
             found += maker.on_time(due_us)
-        direct.push(label(source), valid_us, value, now_us)
+        direct.push(label(source), Sample(now_us, valid_us, value))
     while (due_us := maker.deadline_us) is not None and due_us < 900:
         found += maker.on_time(due_us)
     assert times(got) == [(s.available_us, s.valid_us, s.values) for s in found]
@@ -124,7 +124,7 @@ def test_states_wait_for_their_timers_though_nothing_has_come_yet() -> None:
     for i in range(200):
         text = f"from {i}us to oo, sample every 10us, max delay 5us, use most recent"
         network.connect(label(1), policy(text), lambda _: None).cancel()
-    network.push(label(0), 20, 7, 25)
+    network.push(label(0), Sample(25, 20, 7))
     assert network.deadline_us == 50, "after that nothing more can come"
     assert "n[1]" in str(stream.awaited()[0])
     pass_time(network, 51)
@@ -138,7 +138,7 @@ def test_a_state_is_as_certain_as_its_values_are_together(when: str) -> None:
     got: list[Sample] = []
     network.connect(STATE, policy("min certainty 0.4"), got.append)
     for i, valid_us, certainty in ((0, 0, 0.8), (1, 0, 0.5), (0, 20, 0.5), (1, 20, 0.5)):
-        network.generator(label(i)).push(valid_us, i, valid_us + i, Quality(certainty))
+        network.generator(label(i)).push(Sample(valid_us + i, valid_us, i, Quality(certainty)))
     assert [(each.valid_us, each.quality.certainty) for each in got] == [(0, 0.4)]
 
 
@@ -216,8 +216,8 @@ def test_with_max_age_a_state_has_no_value_of_what_was_not_observed_lately(when)
     network.connect(STATE, Policy(), got.append)
     for at in range(0, 300, 20):
         if at <= 200:
-            network.push(label(0), at, 1.0, at)
-        network.push(label(1), at, 2.0, at, Quality(prediction=Predicted(100)) if at > 100 else Quality())
+            network.push(label(0), Sample(at, at, 1.0))
+        network.push(label(1), Sample(at, at, 2.0, Quality(prediction=Predicted(100)) if at > 100 else Quality()))
     pass_time(network, 400)
     values = {each.valid_us: each.value for each in got}
     assert values[100] == values[160] == (1.0, 2.0)

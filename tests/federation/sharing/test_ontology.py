@@ -135,6 +135,14 @@ def test_a_platform_with_other_names_units_and_order_is_understood() -> None:
     assert platform.semantic_label(Label.parse("alt_baro[uav1]"), "0") is None
 
 
+def test_samples_are_converted_on_their_way_to_a_consumer_and_without_other_units_it_is_called_itself() -> None:
+    taken: list[Sample] = []
+    take = taken.append
+    assert Translation(default_ontology()).to_local("heli-altitude").into(take) is take
+    Translation.parse(default_ontology(), FEET).to_local("heli-altitude").into(take)(Sample(2, 1, (304.8,)))
+    assert taken == [Sample(2, 1, (pytest.approx(1000.0),))]
+
+
 def test_a_covariance_is_converted_with_the_numbers_and_left_out_if_it_is_not_of_all() -> None:
     where = Translation.parse(default_ontology(), FEET).to_local("heli-position")
     there = where.sample(Sample(1, 1, (10.0, 180.0), Quality(0.5, ((4.0, 1.0), (1.0, 9.0)))))

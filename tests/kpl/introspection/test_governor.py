@@ -5,7 +5,7 @@ from itertools import pairwise
 
 import pytest
 
-from dyknow import Network, prototypes_in, value_unit
+from dyknow import Network, Sample, prototypes_in, value_unit
 from dyknow.model.errors import TextErrors
 from kpl import Hooks, Instance, parse_specification
 from kpl.introspection.governor import Governor
@@ -59,7 +59,7 @@ class World:
             self.waited_us += max(0, due_us - self.now_us)
             self.now_us = max(self.now_us, due_us)
             if queue[0] <= self.now_us:
-                self.instance.push("gps", queue.popleft(), 1.0, self.now_us)
+                self.instance.push("gps", Sample(self.now_us, queue.popleft(), 1.0))
             for each in timed:
                 if each.deadline_us is not None and each.deadline_us <= self.now_us:
                     each.on_time(self.now_us)

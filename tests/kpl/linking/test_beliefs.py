@@ -5,7 +5,7 @@ from pathlib import Path
 import pytest
 
 from anchoring.belief.live.records import BELIEF_SORT
-from dyknow import Label
+from dyknow import Label, Sample
 from dyknow.model.errors import SourceText, TextError, TextErrors
 from kpl import parse_specification, print_specification
 from kpl.linking.beliefs import BeliefStream
@@ -44,9 +44,9 @@ class Looking(Running):
         self.wait(at_us)
         self.network.now_us = at_us
         with self.network.instant.whole():
-            self.instance.push("looked", at_us, view, at_us)
+            self.instance.push("looked", Sample(at_us, at_us, view))
             for number, (x_m, y_m) in enumerate(places):
-                self.instance.push("camera", at_us, (f"vp{number}", x_m, y_m, sd_m, "red", False), at_us)
+                self.instance.push("camera", Sample(at_us, at_us, (f"vp{number}", x_m, y_m, sd_m, "red", False)))
 
     @property
     def beliefs(self):
@@ -141,11 +141,11 @@ def linked_to(text: str) -> str:
         with looking.network.instant.whole():
             for name, x_m, colour in (("vp0", 0.0, "red"), ("vp1", 12.0, "blue")):
                 ended = at_us == 2_900_000
-                looking.instance.push("camera", at_us, (name, x_m, 0.0, 0.5, colour, ended), at_us)
+                looking.instance.push("camera", Sample(at_us, at_us, (name, x_m, 0.0, 0.5, colour, ended)))
     for at_us in range(4_000_000, 4_500_000, 100_000):
         looking.wait(at_us)
         looking.network.now_us = at_us
-        looking.instance.push("camera", at_us, ("vp2", 6.1, 0.0, 0.5, "red", False), at_us)
+        looking.instance.push("camera", Sample(at_us, at_us, ("vp2", 6.1, 0.0, 0.5, "red", False)))
     return next(s.value[0] for n, s in reversed(looking.outputs) if n == "cars_seen" and s.value[-2] is True)
 
 

@@ -5,7 +5,7 @@ import random
 
 import pytest
 
-from dyknow import Label
+from dyknow import Label, Sample
 from dyknow.model.errors import TextError, TextErrors
 from kpl.introspection.graph import graph_of
 from tests.kpl.instances import Running
@@ -144,7 +144,7 @@ def test_a_sensor_that_is_late_is_waited_for() -> None:
         sky.wait(now_ms * 1000)
         sky.network.now_us = now_ms * 1000
         valid_us = round(x_m * 100) * 1000
-        sky.instance.push(name, valid_us, (name, x_m, 0.0, 1.0, False), now_ms * 1000)
+        sky.instance.push(name, Sample(now_ms * 1000, valid_us, (name, x_m, 0.0, 1.0, False)))
     linkage = sky.network.process(Label("world")).linkage
     assert {link.source.type for link in linkage.find("wo1").incoming.values()} == {"camera_seen", "radar_seen"}
     assert len(linkage.objects("world")) == 1
@@ -156,7 +156,7 @@ def test_a_state_from_the_future_is_left_out_and_told() -> None:
     for t in range(0, 3000, 100):
         sky.push("camera", ("vp1", 0.0, 0.0, 1.0, False), t * 1000)
         if t == 500:
-            sky.instance.push("camera", 10**12, ("vp1", 0.0, 0.0, 1.0, False), t * 1000)
+            sky.instance.push("camera", Sample(t * 1000, 10**12, ("vp1", 0.0, 0.0, 1.0, False)))
     assert [said for _, said in sky.faults] == ["a state of vp1 has a valid time later than now, and is left out"]
     assert sky.values("seen")
 

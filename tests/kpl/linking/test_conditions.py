@@ -2,7 +2,7 @@
 
 import pytest
 
-from dyknow import Label, Sort
+from dyknow import Label, Sample, Sort
 from dyknow.model.errors import SourceText, TextErrors
 from dyknow.model.values import Field
 from kpl import parse_specification
@@ -115,7 +115,7 @@ def test_a_distance_from_the_own_vehicle_is_derived_of_both() -> None:
     cars = {"a": driving(0.0), "b": driving(200.0)}
 
     def level(t_ms: int) -> float:
-        own.push(t_ms * 1000, (58.0, 15.0), t_ms * 1000)
+        own.push(Sample(t_ms * 1000, t_ms * 1000, (58.0, 15.0)))
         return 0.0
 
     running.watch(link("eventually[1s, oo] always[0, 1s] xy_dist[self, from] < 100"), 6000, cars, level)

@@ -2,7 +2,7 @@
 
 import pytest
 
-from dyknow import Network
+from dyknow import Network, Sample
 from dyknow.model.errors import SourceText, TextErrors
 from kpl import Hooks, Instance, parse_specification, print_specification
 from kpl.introspection.drawings import as_text
@@ -42,8 +42,11 @@ class Run:
     def __init__(self, text=STREAMS, chronicles=TURNS):
         self.told, self.faults, self.alarms, self.chronicles = [], [], [], chronicles
         self.network = Network()
-        self.network.on_fault = lambda label, said: self.faults.append(f"{label}: {said}")
-        hooks = Hooks(lambda name, sample: self.told.append((name, sample)), on_alarm=self.alarms.append)
+        hooks = Hooks(
+            lambda name, sample: self.told.append((name, sample)),
+            on_alarm=self.alarms.append,
+            on_fault=lambda label, said: self.faults.append(f"{label}: {said}"),
+        )
         self.instance = Instance(self.network, hooks=hooks)
         self.change(text)
 
@@ -60,7 +63,7 @@ class Run:
     def feed(self, source, valid_ms, value, now_ms=None):
         now_ms = valid_ms if now_ms is None else now_ms
         self.at(now_ms)
-        self.instance.push(source, valid_ms * MS, value, now_ms * MS)
+        self.instance.push(source, Sample(now_ms * MS, valid_ms * MS, value))
 
 
 def drive(run, source="links"):

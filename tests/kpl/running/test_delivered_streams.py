@@ -6,7 +6,7 @@ from itertools import pairwise
 from hypothesis import given
 from hypothesis import strategies as st
 
-from dyknow import NO_VALUE, Policy
+from dyknow import NO_VALUE, Policy, Sample
 from dyknow.model.sample import SURE, Quality
 from tests.kpl.instances import Running, label
 from tests.satisfaction import satisfied
@@ -105,7 +105,7 @@ def run(lines, events):
     running = Running("\n".join(lines))
     for fed, valid_us, number, now_us, quality in events:
         running.wait(now_us)
-        running.network.push(label(fed), valid_us, number, now_us, quality)
+        running.network.push(label(fed), Sample(now_us, valid_us, number, quality))
     running.wait(END_US)
     found = {}
     for name, sample in running.outputs:
@@ -216,7 +216,7 @@ def test_what_nobody_wants_is_not_computed(lines, events) -> None:
     running = Running("\n".join(lines))
     for fed, valid_us, number, now_us, quality in events:
         running.wait(now_us)
-        running.network.push(label(fed), valid_us, number, now_us, quality)
+        running.network.push(label(fed), Sample(now_us, valid_us, number, quality))
     for i in range(2, len(lines) - 2):
         assert not running.network.process(label(f"n{i}")).running  # type: ignore[union-attr]
         assert running.network.generator(label(f"n{i}")).history.get_size() == 0

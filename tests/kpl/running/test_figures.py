@@ -1,5 +1,6 @@
 """What an instance says of its own streams: how late they are, also while nothing comes."""
 
+from dyknow import Sample
 from tests.kpl.instances import Running
 
 BASE = "source number raw\nstrmgen slow = raw\nstream out = slow\nstream late = stream_delay[slow]\n"
@@ -11,7 +12,7 @@ def fed(every_ms: int, delay_ms: int, until_ms: int, watch_ms: int) -> list[floa
     for at_ms in range(every_ms, until_ms + 1, every_ms):
         running.wait((at_ms + delay_ms) * 1000)
         running.network.now_us = (at_ms + delay_ms) * 1000
-        running.instance.push("raw", at_ms * 1000, 1.0, running.network.now_us)
+        running.instance.push("raw", Sample(running.network.now_us, at_ms * 1000, 1.0))
     running.wait(watch_ms * 1000)
     return [
         sample.value for name, sample in running.outputs if name == "late" and sample.valid_us > 2 * every_ms * 1000

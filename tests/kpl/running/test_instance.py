@@ -6,7 +6,7 @@ import pytest
 from hypothesis import given, settings
 from hypothesis import strategies as st
 
-from dyknow import NO_VALUE, Label, UnitPrototype, of_values
+from dyknow import NO_VALUE, Label, Sample, UnitPrototype, of_values
 from dyknow.model.errors import PrototypeExists, Refused, SortError, TextErrors, UnknownPrototype
 from kpl import parse_specification, print_specification
 from tests.kpl.instances import Running, label, source
@@ -495,7 +495,7 @@ def test_a_member_that_leaves_after_a_violation_does_not_hide_it() -> None:
         running.push("raw", 1, 1000 * at_ms)
     running.push("late", 1, 1_000)
     running.push("ids", ("c0",), 150_000)
-    running.instance.push("late", 100_000, 9, 160_000)
+    running.instance.push("late", Sample(160_000, 100_000, 9))
     for at_ms in range(200, 1000, 100):
         running.push("raw", 1, 1000 * at_ms)
     assert [(each.event, each.valid_us) for each in running.alarms] == [("opened", 100_000), ("closed", 200_000)]

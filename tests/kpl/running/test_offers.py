@@ -35,7 +35,7 @@ def running(text: str) -> tuple[Instance, Told]:
 
 def test_a_source_that_was_fed_from_outside_is_read_once_somebody_offers_it_and_nobody_is_disturbed() -> None:
     instance, told = running("source time camera\nstrmgen cam = camera\nstream seen = cam\n")
-    instance.push("camera", 10, 10, 10)
+    instance.push("camera", Sample(10, 10, 10))
     instance.offer([SourcePrototype("camera", "time", every_ms)], 100)
     while instance.network.deadline_us <= 2100:
         instance.network.on_time(2100)

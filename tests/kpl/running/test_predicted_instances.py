@@ -5,7 +5,7 @@ import json
 import numpy as np
 import pytest
 
-from dyknow import SURE, Predicted, Quality
+from dyknow import SURE, Predicted, Quality, Sample
 from tests.command import run
 from tests.docs.pages import ROOT, environment
 from tests.kpl.running.test_chronicle_streams import STREAMS, Run
@@ -37,7 +37,7 @@ def test_an_instance_is_predicted_if_one_of_its_events_is(seed):
         made_ms = predicted.get(at_ms)
         quality = SURE if made_ms is None else Quality(prediction=Predicted(1000 * made_ms))
         run_.at(at_ms)
-        run_.instance.push(source, 1000 * at_ms, value, 1000 * at_ms, quality)
+        run_.instance.push(source, Sample(1000 * at_ms, 1000 * at_ms, value, quality))
     run_.at(4200)
     ((_, sample),) = run_.told
     oldest = min((made_ms for at_ms, made_ms in predicted.items() if at_ms in USED), default=None)
@@ -52,7 +52,7 @@ def test_an_event_that_is_only_counted_may_be_predicted_and_the_same_is_measured
     for number, (at_ms, value) in enumerate([(0, "l1"), (1000, "l2"), (2000, "l1"), (3000, "l2")]):
         quality = Quality(prediction=Predicted(1)) if number == which else SURE
         run_.at(at_ms)
-        run_.instance.push("links", 1000 * at_ms, value, 1000 * at_ms, quality)
+        run_.instance.push("links", Sample(1000 * at_ms, 1000 * at_ms, value, quality))
     run_.at(20_000)
     assert run_.told
     assert any(sample.quality.prediction is not None for _, sample in run_.told) is (which is not None)

@@ -166,7 +166,7 @@ class Node:
         taken = 0
         while taken < BATCH and waiting and waiting[0][0] <= self.now_us:
             _, source, valid_us = waiting.popleft()
-            self.instance.push(f"src{source}", valid_us, valid_us // PERIOD_US // 3, self.now_us)
+            self.instance.push(f"src{source}", Sample(self.now_us, valid_us, valid_us // PERIOD_US // 3))
             self.now_us += TAKES_US
             taken += 1
         return taken == BATCH

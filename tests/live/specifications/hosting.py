@@ -50,12 +50,15 @@ class Node:
         self.samples: dict[str, list[Sample]] = {}
         self.links: dict[str, list[bool]] = {}
         self.notes: list[str] = []
-        self.network.on_fault = lambda label, said: self.notes.append(f"{label}: {said}")
-        hooks = Hooks(self._on_output, lambda name, linked: self.links.setdefault(name, []).append(linked))
+        hooks = Hooks(
+            self._on_output,
+            lambda name, linked: self.links.setdefault(name, []).append(linked),
+            on_fault=lambda label, said: self.notes.append(f"{label}: {said}"),
+        )
         self.instance = Instance(self.network, hooks=hooks)
         for label in self.own:
             self.network.add_source(label, Sort("number"))
-            self.network.subscribe(label, Policy(), lambda sample, name=str(label): self._on_output(name, sample))
+            self.network.connect(label, Policy(), lambda sample, name=str(label): self._on_output(name, sample))
         self.instance.change(parse_specification(text), self.clock.now_us(), text)
         offset_us = self.clock.monotonic_offset_us
         self.desk = HostDesk(self.instance, FederationClock(), self.notes.append, offset_us)
@@ -99,9 +102,9 @@ class Node:
     def on_event(self, event: Any, now_us: int) -> list[HostEffect]:
         if isinstance(event, Tick):
             for label in self.own:
-                self.network.push(label, event.at_us, event.number, now_us)
+                self.network.push(label, Sample(now_us, event.at_us, event.number))
             for source in self.instance.sources():
-                self.instance.push(source, event.at_us, event.number, now_us)
+                self.instance.push(source, Sample(now_us, event.at_us, event.number))
         else:
             self.desk.on_event(event, now_us)
         return self.desk.flush()

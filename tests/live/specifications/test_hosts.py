@@ -9,6 +9,7 @@ from typing import Any
 
 import pytest
 
+from dyknow import Sample
 from federation.hosts.codec import encode
 from federation.hosts.messages import Register, UnitOffer
 from proxies.hosts.connection import connect
@@ -128,7 +129,7 @@ def test_who_registers_and_never_reads_stalls_nobody(dyknow: Dyknow) -> None:
             idle.sendall(len(said).to_bytes(4) + said)
             node.until(lambda: node.links.get("out") == [True])
             for number in range(15_000):
-                node.instance.push("raw", node.clock.now_us(), number, node.clock.now_us())
+                node.instance.push("raw", Sample(node.clock.now_us(), node.clock.now_us(), number))
                 if number % 1000 == 0:
                     node.step_for(0.001)
             (host,) = node.desk.hosts

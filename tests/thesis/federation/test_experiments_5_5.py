@@ -6,7 +6,7 @@ from pathlib import Path
 import pytest
 
 from compunits import load_module, prototypes_of
-from dyknow import Network
+from dyknow import Network, Sample
 from kpl import Hooks, Instance, parse_specification
 
 EXPERIMENTS = Path(__file__).parents[3] / "examples" / "experiments"
@@ -48,7 +48,7 @@ def delivered(text: str, samples: int = SAMPLES) -> dict[str, list[int]]:
     instance.add(parse_specification(text), 0, text)
     for number in range(samples):
         for source in instance.sources():
-            instance.push(source, number * PERIOD_US, number, number * PERIOD_US)
+            instance.push(source, Sample(number * PERIOD_US, number * PERIOD_US, number))
     assert all(b - a == PERIOD_US for each in times.values() for a, b in pairwise(each))
     return found
 

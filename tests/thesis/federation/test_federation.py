@@ -386,7 +386,7 @@ def test_9_3_4_an_imported_stream_is_a_source_like_a_sensor(federation: Box) -> 
     federation.run(0.5)
     a: Platform = federation.platform("a")
     heard: list[Sample] = []
-    a.ports.network.subscribe(
+    a.ports.network.connect(
         Label.parse("heli-altitude[b]"), Policy(change="sample", sample_us=500_000, from_us=0), heard.append
     )
     federation.run(2.0)

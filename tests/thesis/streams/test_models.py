@@ -58,7 +58,7 @@ def test_definitions_4_3_14_4_5_6_and_4_5_7_a_label_denotes_what_its_source_prov
     for t in sorted({*s1, *s2}):
         for name, source in (("s1", s1), ("s2", s2)):
             if source.get(t) is not None:
-                PROVIDED.instance.push(name, *source[t], t)
+                PROVIDED.instance.push(name, Sample(t, *source[t]))
     for label, source in (("f[o1]", s1), ("f[o2]", s2)):
         assert held(PROVIDED, label) == [Sample(t, *source[t]) for t in sorted(source) if source[t] is not None]
 
@@ -80,11 +80,11 @@ def is_position(v: Any) -> bool:
 def test_definitions_4_5_4_and_4_5_5_sources_and_units_bring_only_values_of_their_sort(brought: list[Any]) -> None:
     running = instance(SORTED)
     got = list[Sample]()
-    running.network.subscribe(Label("g"), Policy(), got.append)
+    running.network.connect(Label("g"), Policy(), got.append)
     open_sort = [v for v in brought if thesis.is_value(v)]
     for t, value in enumerate(brought):
-        running.instance.push("s", t, value, t)
-        running.instance.push("t", t, value, t)
+        running.instance.push("s", Sample(t, t, value))
+        running.instance.push("t", Sample(t, t, value))
     assert thesis.values(held(running, "f")) == [v for v in brought if is_position(v)]
     assert thesis.values(held(running, "t1")) == open_sort
     assert thesis.values(got) == [v for v in open_sort if is_position(v)]
@@ -125,7 +125,7 @@ def test_definition_4_5_8_a_unit_makes_its_output_of_the_join_of_its_adapted_inp
     for at_us, together in groupby(pushes, itemgetter(0)):
         with running.network.instant.whole():
             for _, i, s in together:
-                running.instance.push(f"s{i}", s.valid_us, s.value, at_us)
+                running.instance.push(f"s{i}", Sample(at_us, s.valid_us, s.value))
     assert [s for _, s in running.outputs] == thesis.refined(step, run(one, p1)[0], run(other, p2)[0])
 
 
@@ -140,7 +140,7 @@ def test_definition_4_5_12_a_declared_stream_is_what_its_policy_makes_of_the_lab
     running.instance.add((*NAMED[:2], named), 0)
     for s in f:
         pass_time(running.network, s.available_us)
-        running.instance.push("s", s.valid_us, s.value, s.available_us)
+        running.instance.push("s", s)
     horizon_us = max([s.available_us for s in f], default=0) + 500 * MS
     pass_time(running.network, horizon_us + 1)
     expected, _ = run(f, policy, horizon_us)
@@ -152,5 +152,5 @@ def test_example_4_5_3_a_generator_has_the_samples_of_its_source() -> None:
     provided = {250: (200, "p1"), 325: (300, "p2"), 430: (400, "p3"), 505: (500, "p4")}
     for t in range(600):
         if t in provided:
-            running.instance.push("pos_car1", *provided[t], t)
+            running.instance.push("pos_car1", Sample(t, *provided[t]))
     assert held(running, "pos[car1]") == [Sample(t, *provided[t]) for t in provided]

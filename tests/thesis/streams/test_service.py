@@ -50,7 +50,7 @@ def test_figures_5_2_and_5_3_a_client_creates_a_process_and_accesses_its_stream(
     running.network.connect(SPEED, Policy(), got.append)
     text = "source number gps\ncompunit number Double(number)\nstrmgen pos[car1] = gps\nstrmgen speed[car1] = Double(pos[car1])"
     running.instance.add(parse_specification(text), 0)
-    running.instance.push("gps", 5, 21, 6)
+    running.instance.push("gps", Sample(6, 5, 21))
     assert got == [Sample(6, 5, 42)]
     running.instance.remove(running.instance.specification[-1:], 6)
     assert not running.network.has(SPEED)
@@ -67,7 +67,7 @@ def test_definition_3_3_6_figures_5_4_and_5_5_one_generator_serves_every_subscri
         network.connect(POS, policy, found.append)
     for s in f:
         pass_time(network, s.available_us)
-        network.push(POS, s.valid_us, s.value, s.available_us)
+        network.push(POS, s)
     horizon_us = max([s.available_us for s in f], default=0) + 100
     pass_time(network, horizon_us + 1)
     assert got == [run(f, policy, horizon_us)[0] for policy in wanted]
@@ -117,7 +117,7 @@ def test_5_3_2_the_operations_of_a_stream_generator(operation: str, arguments: t
     network = Network()
     network.add_source(POS, ANY)
     for s in CACHED:
-        network.push(POS, s.valid_us, s.value, s.available_us)
+        network.push(POS, s)
     ask = getattr(network.snapshot(POS), operation)
     if answer is NOT_THERE:
         with pytest.raises(NOT_THERE):
@@ -130,7 +130,7 @@ def test_5_3_2_the_operations_of_a_stream_generator(operation: str, arguments: t
 def test_5_3_2_after_a_reset_nothing_is_cached(operation: str) -> None:
     network = Network()
     generator = network.add_source(POS, ANY)
-    network.push(POS, 1, "a", 1)
+    network.push(POS, Sample(1, 1, "a"))
     generator.history.reset()
     assert generator.history.get_size() == 0
     with pytest.raises(NOT_THERE):
@@ -194,19 +194,19 @@ def test_5_4_2_a_generator_without_its_label_is_not_destroyed_and_an_unknown_lab
     network, got, other = Network(), list[Sample](), list[Sample]()
     source = network.add_source(POS, ANY)
     network.add_process(SPEED, ANY, process_of(DOUBLE, [Input(POS)]))  # type: ignore[arg-type]
-    network.subscribe(SPEED, Policy(), got.append)
+    network.connect(SPEED, Policy(), got.append)
     speed = network.generator(SPEED)
     assert network.release(OTHER) is None
     assert network.release(SPEED) is speed
     assert network.release(POS) is source
     assert network.labels() == ()
-    source.push(1, 4, 1)
+    source.push(Sample(1, 1, 4))
     assert [sample.value for sample in got] == [8], "its process and its streams are there"
     network.add_source(SPEED, ANY)
-    network.subscribe(SPEED, Policy(), other.append)
-    network.push(SPEED, 2, 5, 2)
+    network.connect(SPEED, Policy(), other.append)
+    network.push(SPEED, Sample(2, 2, 5))
     network.remove(SPEED)
-    source.push(3, 6, 3)
+    source.push(Sample(3, 3, 6))
     assert ([sample.value for sample in got], [sample.value for sample in other]) == ([8, 12], [5])
 
 

@@ -2,7 +2,7 @@
 
 import pytest
 
-from dyknow import Label, UnitPrototype, of_values
+from dyknow import Label, Sample, UnitPrototype, of_values
 from dyknow.model.errors import TextErrors
 from kpl import parse_specification
 from kpl.syntax.specification import (
@@ -30,7 +30,7 @@ def cars() -> Running:
 def drive(running: Running) -> None:
     arrivals = [("pos_car1", *one) for one in POS_CAR1] + [("pos_car2", *one) for one in POS_CAR2]
     for source, available, valid, value in sorted(arrivals, key=lambda one: one[1]):
-        running.instance.push(source, valid * MS, value, available * MS)
+        running.instance.push(source, Sample(available * MS, valid * MS, value))
 
 
 def test_example_4_4_1_the_speeds_of_two_cars_are_estimated() -> None:

@@ -33,7 +33,7 @@ def changes(when: Any) -> list[Any]:
     network.add_process(Label("state"), ANY, StateStreamProcess([Input(label) for label in labels], None, when))
     network.connect(Label("state"), Policy(), got.append)
     for i, s in sorted(ARRIVALS, key=lambda arrival: arrival[1].valid_us):
-        network.push(labels[i], s.valid_us, s.value, s.valid_us)
+        network.push(labels[i], Sample(s.valid_us, s.valid_us, s.value))
     return [(s.valid_us // MS, s.value) for s in got]
 
 
@@ -62,7 +62,7 @@ def asked(until: int) -> list[History]:
         network.add_source(label, ANY)
     for i, s in ARRIVALS:
         if s.available_us <= until * MS:
-            network.push(labels[i], s.valid_us, s.value, s.available_us)
+            network.push(labels[i], s)
     return [network.snapshot(label) for label in labels]
 
 
@@ -184,7 +184,7 @@ def test_example_7_8_2_synchronised_every_100_from_1050_to_1250() -> None:
     )
     for i, s in ARRIVALS:
         running.wait(s.available_us)
-        running.instance.push("sw"[i], s.valid_us, int(s.value[1]), s.available_us)
+        running.instance.push("sw"[i], Sample(s.available_us, s.valid_us, int(s.value[1])))
     running.wait(2_000 * MS)
     found = [(s.valid_us // MS, s.value) for _, s in running.outputs]
     assert found == [(1050, (1, 1)), (1150, (2, 2)), (1250, (3, 3))]

@@ -61,12 +61,12 @@ def joined(*fs: list[Sample]) -> list[Sample]:
     for label in labels:
         network.add_source(label, ANY)
     network.add_process(Label("join"), ANY, RefinementProcess(unit, [Input(label) for label in labels]))
-    network.subscribe("join", "", called.append)
+    network.connect("join", "", called.append)
     arrivals = sorted((s.available_us, i, s) for i, f in enumerate(fs) for s in f)
     for at_us, together in groupby(arrivals, itemgetter(0)):
         with network.instant.whole():
             for _, i, s in together:
-                network.push(labels[i], s.valid_us, s.value, at_us)
+                network.push(labels[i], Sample(at_us, s.valid_us, s.value))
     return called
 
 
@@ -84,7 +84,7 @@ def test_example_4_3_1_a_domain_of_ten_objects_and_their_positions_and_speeds() 
         network.add_source(label, ANY)
     primitive = [f"{kind}{i}" for kind in "ps" for i in range(1, 11)]
     for t, value in enumerate(primitive):
-        network.push(labels[t % 10], t, value, t)
+        network.push(labels[t % 10], Sample(t, t, value))
     found = [s for label in labels for s in network.snapshot(label).get_between(0, 100)]
     assert {s.value for s in found} == set(primitive)
     assert {s.valid_us for s in found} == set(range(20)), "time-points are the integers from 0"
@@ -121,8 +121,9 @@ def test_definitions_4_3_2_and_4_3_3_what_is_a_value(found: Any) -> None:
 def test_example_4_3_3_the_blob_of_a_picture_is_valid_when_the_picture_was_taken() -> None:
     network, picture, blob = Network(), Label("picture"), Label("blob")
     network.add_source(picture, ANY)
-    network.add_unit(blob, ANY, of_values(str.upper), [(picture, Policy())])
-    network.push(picture, 10, "image", 13)
+    unit = UnitPrototype("Blob", "", ("",), lambda: of_values(str.upper))
+    network.add_process(blob, ANY, RefinementProcess(unit, [Input(picture)]))
+    network.push(picture, Sample(13, 10, "image"))
     for label in (picture, blob):
         (found,) = network.snapshot(label).get_between(0, 100)
         assert (found.valid_us, found.available_us, found.delay_us) == (10, 13, 3)
@@ -136,15 +137,15 @@ def test_example_4_3_4_processing_and_communication_delay_what_is_available() ->
     network.add_source(camera, ANY)
     unit = UnitPrototype("Filter", "", ("",), lambda: of_values(lambda value: f"{value}'"), cost_us=3)
     network.add_process(filtering, ANY, RefinementProcess(unit, [Input(camera)]))
-    network.subscribe(camera, Policy(), measured.append)
-    network.subscribe(filtering, Policy(), filtered.append)
-    network.push(camera, 10, "v", 11)
+    network.connect(camera, Policy(), measured.append)
+    network.connect(filtering, Policy(), filtered.append)
+    network.push(camera, Sample(11, 10, "v"))
     assert not filtered, "it has not finished"
     assert network.deadline_us == 14
     network.on_time(14)
     receiver.add_source(filtering, ANY)
-    receiver.subscribe(filtering, Policy(), received.append)
-    receiver.push(filtering, filtered[0].valid_us, filtered[0].value, filtered[0].available_us + 2)
+    receiver.connect(filtering, Policy(), received.append)
+    receiver.push(filtering, Sample(filtered[0].available_us + 2, filtered[0].valid_us, filtered[0].value))
     assert [s[:3] for s in (*measured, *filtered, *received)] == [(11, 10, "v"), (14, 10, "v'"), (16, 10, "v'")]
 
 
@@ -154,7 +155,7 @@ def test_example_4_3_5_and_figure_4_2_two_fluent_streams() -> None:
         label = Label("f", (f[0].value,))
         network.add_source(label, ANY)
         for s in f:
-            network.push(label, s.valid_us, s.value, s.available_us)
+            network.push(label, s)
         assert network.snapshot(label).get_slice(0, 2) == f
         assert thesis.is_fluent_stream(f)
 
@@ -165,9 +166,11 @@ def test_definition_4_3_5_a_fluent_stream_is_ordered_by_unique_available_times(f
     network, label = Network(), Label("f")
     network.add_source(label, Sort("any"))
     got: list[Sample] = []
-    network.subscribe(label, Policy(), got.append)
+    network.connect(label, Policy(), got.append)
     for s in f:
-        network.push(label, s.valid_us, s.value, s.available_us // 10)  # so coarse a clock that instants collide
+        network.push(
+            label, Sample(s.available_us // 10, s.valid_us, s.value)
+        )  # so coarse a clock that instants collide
     assert thesis.is_fluent_stream(got)
     assert [s[1:] for s in got] == [s[1:] for s in f]
 
@@ -177,7 +180,7 @@ def test_definition_4_3_5_a_fluent_stream_is_ordered_by_unique_available_times(f
 def test_definition_4_3_6_a_sample_has_two_times_and_a_value(at: int, valid: int) -> None:
     network, label = Network(), Label("f")
     network.add_source(label, ANY)
-    network.push(label, valid, "v", at)
+    network.push(label, Sample(at, valid, "v"))
     s = network.snapshot(label).get_latest()
     assert (s.available_us, s.valid_us, s.value, s.delay_us) == (at, valid, "v", at - valid)
 
@@ -247,7 +250,7 @@ def test_example_4_3_9_a_source_that_has_nothing_to_say_adds_nothing() -> None:
     generator = network.add_source(gps, Sort("position"))
     for t, reading in enumerate(["here", None, "there"]):
         if reading is not None:
-            network.push(gps, t, reading, t)
+            network.push(gps, Sample(t, t, reading))
     assert [s.value for s in generator.history.get_between(0, 10)] == ["here", "there"]
 
 

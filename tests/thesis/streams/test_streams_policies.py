@@ -311,9 +311,9 @@ def test_example_4_4_12_approximation_constraint() -> None:
 def adapted_in_network(policy: str) -> list[Any]:
     network, car1, got = Network(), Label.parse("pos[car1]"), list[Sample]()
     network.add_source(car1, Sort("pos"))
-    network.subscribe(car1, Policy.parse(policy), got.append)
+    network.connect(car1, Policy.parse(policy), got.append)
     for s in P1:
-        network.push(car1, s.valid_us, s.value, s.available_us)
+        network.push(car1, s)
     return [s.value for s in got]
 
 

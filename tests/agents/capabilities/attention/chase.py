@@ -72,7 +72,7 @@ class Chase:
         self.gazes: list[Sample] = []
         if config.get("cameras", rig) is not None:
             label = Label.parse("camera-attention[0]")
-            self.platform.ports.network.subscribe(label, Policy(), self.gazes.append)
+            self.platform.ports.network.connect(label, Policy(), self.gazes.append)
         self.x_m, self.y_m = self.start_m
 
     @property

@@ -47,7 +47,7 @@ class Watching:
     def look_at(self, *labels: str) -> None:
         for label in labels:
             taken = self.samples.setdefault(label, [])
-            self.platform.ports.network.subscribe(Label.parse(label), Policy(), taken.append)
+            self.platform.ports.network.connect(Label.parse(label), Policy(), taken.append)
 
     def specify(self, event: Specify) -> None:
         self.effects += self.platform.on_event(event, self.now_us)

@@ -8,7 +8,7 @@ from agents.capabilities.cooperation import track_records
 from agents.capabilities.cooperation.track_records import IDENTITIES, TRACKS, identity_claim
 from agents.capabilities.saliency import records
 from agents.exchange.import_proxy import ImportProxy
-from dyknow import NO_VALUE, SURE, Label, Sample
+from dyknow import NO_VALUE, Label, Sample
 from federation.sharing.ontology import default_ontology
 from federation.sharing.ranges import _MOST
 
@@ -42,9 +42,9 @@ def test_a_number_beyond_its_range_is_not_taken_in(wire):
     proxy = platform.part(ImportProxy)
     take = proxy._source("3", IDENTITIES)
     for born_s in (1e303, -1e303, 6.1e10, float("nan"), float("inf"), True, "soon"):
-        take(wire.now_us, ("car-1", "3-car-1", born_s, 1.0, False), wire.now_us, SURE)
+        take(Sample(wire.now_us, wire.now_us, ("car-1", "3-car-1", born_s, 1.0, False)))
     assert proxy.refused == {"range": 1, "sort": 6}
-    take(wire.now_us, ("car-1", "3-car-1", 1.5, 2.0, False), wire.now_us, SURE)
+    take(Sample(wire.now_us, wire.now_us, ("car-1", "3-car-1", 1.5, 2.0, False)))
     generator = platform.ports.network.generator(Label.parse(f"{IDENTITIES}[3]"))
     assert [sample.value[2] for sample in generator.history.get_between(0, wire.now_us)] == [1.5]
 

@@ -23,7 +23,7 @@ class Streams:
         translation = Translation(default_ontology())
         self.streams = VehicleStreams("0", self.network, translation, PERIOD_US, self.notes.append)
         for label, found in self.samples.items():
-            self.network.subscribe(translation.local_label(label, "0"), Policy(), found.append)
+            self.network.connect(translation.local_label(label, "0"), Policy(), found.append)
 
     def take(self, *reports) -> None:
         for report, now_us in reports:
@@ -82,7 +82,7 @@ def test_a_winch_is_offered_once_it_has_reported_a_load_and_is_a_stream_from_the
         platform.on_event(Reported(START_US + 200_000 * at, report), START_US + 200_000 * at)
         offered.append("winch-load" in {each.label for each in ports.labels()})
         if offered[-1] and not loads:
-            ports.network.subscribe(label, Policy(), loads.append)
+            ports.network.connect(label, Policy(), loads.append)
     assert offered == [False, True, True, True]
     assert loads[-1].value == (1.5, 2.0)
     assert len({sample.valid_us for sample in loads}) == len(loads)

@@ -8,6 +8,7 @@ from agents.capabilities.separation.giving_way import GivingWay
 from agents.capabilities.separation.neighbourhood import Neighbourhood
 from agents.capabilities.separation.neighbours import MOST_OWN_M
 from agents.capabilities.separation.records import intent_value
+from dyknow import Sample
 from federation.messages.acts import Performative
 from federation.messages.contents import Avoid, MonitorProximity, Progress
 from navigation.intents.intent import Intent
@@ -34,7 +35,7 @@ def says(wire: Box, intent: Intent) -> None:
     part = platform.part(Neighbourhood)
     value = part._to_local(intent_value(intent))
     at_us = wire.now_us // 500_000 * 500_000
-    part._network.push(part._label, at_us, value, wire.now_us)
+    part._network.push(part._label, Sample(wire.now_us, at_us, value))
 
 
 def code_of(said: Any) -> str | None:
@@ -111,7 +112,9 @@ def test_an_intent_that_is_none_is_counted(wire: Box) -> None:
     value = ("nobody", *intent_value(part.others.by_unit["1"].intent)[1:])
     for _ in range(3):
         wire.run(0.5 - wire.now_us % 500_000 / 1e6 + 0.45)
-        mine._network.push(mine._label, wire.now_us // 500_000 * 500_000 + 500_000, mine._to_local(value), wire.now_us)
+        mine._network.push(
+            mine._label, Sample(wire.now_us, wire.now_us // 500_000 * 500_000 + 500_000, mine._to_local(value))
+        )
         wire.run(0.3)
     assert part.others.left_out["intent"] >= 1
     assert wire.nodes["0"].notes.count("an intent of 1 is left out: it is no intent") == 1
