@@ -3,7 +3,7 @@
 from collections.abc import Callable, Mapping
 from typing import Any, Final
 
-from console.web.rows import text
+from console.picture.rows import text
 from console.web.wishes import Done
 from dyknow.model.errors import DyknowError, FederationFailed, WrongCall
 from federation.messages.acts import Performative

@@ -6,8 +6,8 @@ from queue import SimpleQueue
 from threading import Event
 from typing import Final
 
+from console.picture.picture import MAP_LABELS
 from console.web.acting import job_of
-from console.web.picture import MAP_LABELS
 from console.web.views import LOOKING, LiveFeed
 from console.web.wishes import Done, Wish
 from dyknow.model.errors import DyknowError
