@@ -6,7 +6,6 @@ from typing import Annotated, Literal
 import typer
 
 from console.arguments import Duration
-from console.centre.client import connected
 from console.command import Call, command
 from console.commands.outward.passing import (
     SHORTEST_PERIOD_US,
@@ -14,15 +13,11 @@ from console.commands.outward.passing import (
     Every,
     To,
     Undulation,
-    pass_on,
     place,
-    say_begun,
-    say_ended,
+    send,
 )
-from console.errors import DONE, INTERRUPTED
 from console.picture.differences import Row
 from console.picture.things import AIRCRAFT, PLATFORM_LABELS, ThingState, ThingStates
-from console.processes.supervision import interruptible
 from dyknow.model.errors import WrongCall
 from proxies.outward.cot import ALARM, UAV, UNKNOWN_AIR, UNKNOWN_GROUND, CotMotion, CotPoint, cot_event
 from proxies.outward.outlets import Outlet, parse_destination
@@ -57,21 +52,13 @@ def cot(
             "--objects: their places are metres from the federation's origin; say where it is: --origin LAT,LON."
         )
     at = place(origin, option="--origin") if origin else None
-    with connected(call) as client:
-        outlet = Outlet(destination)
+
+    def things_of(client: Client, outlet: Outlet) -> ThingStates:
         sender = CotSender(client, outlet, call.settings.federation, period_us, undulation)
         on_alarm = sender.on_alarm if alarms else None
-        tracks = ThingStates(period_us, client.federation_us, sender.on_track, on_alarm, at)
-        try:
-            with interruptible():
-                say_begun(call, str(destination))
-                recorder = pass_on(call, client, tracks, (*PLATFORM_LABELS, *filter(None, [objects])), lasts_us)
-        except KeyboardInterrupt:
-            return INTERRUPTED
-        finally:
-            outlet.close()
-    say_ended(call, outlet, recorder, tracks.refused)
-    return DONE
+        return ThingStates(period_us, client.federation_us, sender.on_track, on_alarm, at)
+
+    return send(call, destination, lasts_us, (*PLATFORM_LABELS, *filter(None, [objects])), things_of)
 
 
 @dataclass(frozen=True)

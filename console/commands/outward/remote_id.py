@@ -6,7 +6,6 @@ from typing import Annotated
 import typer
 
 from console.arguments import Duration
-from console.centre.client import connected
 from console.command import Call, command
 from console.commands.outward.passing import (
     SHORTEST_PERIOD_US,
@@ -14,16 +13,13 @@ from console.commands.outward.passing import (
     Every,
     To,
     Undulation,
-    pass_on,
-    say_begun,
-    say_ended,
+    send,
 )
-from console.errors import DONE, INTERRUPTED
 from console.picture.things import PLATFORM_LABELS, ThingState, ThingStates
-from console.processes.supervision import interruptible
 from dyknow.model.errors import WrongCall
 from proxies.outward.outlets import Outlet, parse_destination
 from proxies.outward.remote_id import RemoteIdMessages, RemoteIdState, check_serial
+from runtime.client import Client
 from runtime.configuration.instants import SHORTEST_US, duration_us
 
 
@@ -47,24 +43,15 @@ def remote_id(
     lasts_us = duration_us(duration, option="--duration", least_us=SHORTEST_US) if duration else None
     serials = dict(_serial(each) for each in serial or ())
     messages = RemoteIdMessages(undulation)
-    with connected(call) as client:
-        outlet = Outlet(destination)
 
+    def things_of(client: Client, outlet: Outlet) -> ThingStates:
         def on_track(track: ThingState) -> None:
             for message in messages.encode(state_of(track, serials.get(track.unit, ""))):
                 outlet.send(message, client.now_us())
 
-        tracks = ThingStates(period_us, client.federation_us, on_track)
-        try:
-            with interruptible():
-                say_begun(call, str(destination))
-                recorder = pass_on(call, client, tracks, PLATFORM_LABELS, lasts_us)
-        except KeyboardInterrupt:
-            return INTERRUPTED
-        finally:
-            outlet.close()
-    say_ended(call, outlet, recorder, tracks.refused)
-    return DONE
+        return ThingStates(period_us, client.federation_us, on_track)
+
+    return send(call, destination, lasts_us, PLATFORM_LABELS, things_of)
 
 
 def _serial(text: str) -> tuple[str, str]:
