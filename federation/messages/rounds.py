@@ -1,4 +1,4 @@
-"""Questions to several: whose answers are awaited, and when a recipient may be asked again. Times are the node clock."""
+"""Questions to several: awaited answers, and when a question may be repeated. Node clock."""
 
 from collections.abc import Hashable, Iterable
 from typing import Generic, TypeVar
@@ -7,7 +7,7 @@ K = TypeVar("K", bound=Hashable)
 
 
 class Round(Generic[K]):
-    """One question to several. A recipient counts once: by its first answer, by its silence, or because it is gone.
+    """One question to several. A recipient counts once: by its first answer, its silence, or when it is gone.
 
     Attributes:
         awaited: the recipients whose answers are awaited; the round is over when there is none.
@@ -26,7 +26,7 @@ class Round(Generic[K]):
 
 
 class Retries(Generic[K]):
-    """When a recipient may be asked again: after a pause, which doubles from the third request on, until it does as asked.
+    """When a request may be repeated: after a pause that doubles from the third request on, until the recipient obeys.
 
     Args:
         pause_us: after the first request, and after the second.
@@ -44,15 +44,15 @@ class Retries(Generic[K]):
         self._asked[recipient] = now_us, pause_us, after_us
 
     def is_due(self, recipient: K, now_us: int, patience: int = 1) -> bool:
-        """Whether it may be asked: it was not, or its pause, so many times as long, is over."""
+        """Whether a request may leave: there was none, or `patience` times its pause is over."""
         asked_us, pause_us, _ = self._asked.get(recipient, (now_us, 0, 0))
         return now_us >= asked_us + patience * pause_us
 
     def settle(self, recipient: K) -> None:
-        """It does as asked: its pause is the first again."""
+        """It obeys: its pause is the first again."""
         if recipient in self._asked:
             self._asked[recipient] = self._asked[recipient][0], self._pause_us, self._pause_us
 
     def forget(self, recipient: K) -> None:
-        """It is gone; when it is back it may be asked at once."""
+        """It is gone; a request may leave at once when it is back."""
         self._asked.pop(recipient, None)
