@@ -1,8 +1,10 @@
 """The one door upward: names of `import dyknow` from the rooms above, loaded when they are first used.
 
-No import statement leads through it, so that the rooms stay layers; `library.pyi` has the types.
+No import statement leads through it, so that the rooms stay layers; `library.pyi` has the types. `dyknow.testing`
+uses it, too.
 """
 
+from collections.abc import Mapping
 from importlib import import_module
 from typing import Any
 
@@ -18,8 +20,8 @@ _PLACES = {
 }
 
 
-def loaded(name: str) -> Any:
+def loaded(name: str, places: Mapping[str, str] = _PLACES, of: str = "dyknow") -> Any:
     """Raises AttributeError for a name that does not lead through the door."""
-    if name not in _PLACES:
-        raise AttributeError(f"module 'dyknow' has no attribute {name!r}")
-    return getattr(import_module(_PLACES[name]), name)
+    if name not in places:
+        raise AttributeError(f"module {of!r} has no attribute {name!r}")
+    return getattr(import_module(places[name]), name)

@@ -1,3 +1,4 @@
+from collections.abc import Mapping
 from typing import Any
 
 from runtime.library.async_federation import AsyncFederationClient as AsyncFederationClient
@@ -9,4 +10,4 @@ from runtime.library.own_platform import join as join
 from runtime.library.results import QueryResult as QueryResult
 from runtime.library.results import UnitSample as UnitSample
 
-def loaded(name: str) -> Any: ...
+def loaded(name: str, places: Mapping[str, str] = ..., of: str = ...) -> Any: ...

@@ -91,6 +91,14 @@ def test_no_import_circle_among_modules(graph: grimp.ImportGraph) -> None:
     assert not [sorted(circle) for circle in circles_of(imports)]
 
 
+def test_formats_of_one_command_are_loaded_by_it_alone(graph: grimp.ImportGraph) -> None:
+    """So that no node and no other command carries them."""
+    for drawer, command in (("planning.symbolic", "texts.plan"), ("planning.epistemic", "objects.recover")):
+        inside = {drawer, *graph.find_descendants(drawer)}
+        importers = set().union(*map(graph.find_modules_that_directly_import, inside)) - inside
+        assert importers == {f"console.commands.{command}"}
+
+
 def test_no_import_circle_among_the_drawers_of_a_room(graph: grimp.ImportGraph) -> None:
     """Whatever lies side by side in one package, at any depth."""
     found = []

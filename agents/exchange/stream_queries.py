@@ -7,6 +7,7 @@ Times are the node clock, but for valid and available times.
 import json
 from collections.abc import Sequence
 from dataclasses import dataclass, field
+from functools import partial
 from typing import Any
 
 from agents.actions import FEDERATION, QUERIED, Action, Offer, Role
@@ -34,6 +35,7 @@ from federation.messages.contents import (
     Samples,
     StreamSamples,
 )
+from federation.messages.rounds import Round
 
 GLOBAL_WITHIN_US = 1_500_000
 LONGEST_VALUE = 1024
@@ -45,7 +47,7 @@ class Gathering:
 
     act: Act
     query: Query
-    waiting: set[str]
+    round: Round[str]
     answers: dict[str, list[Reading]] = field(default_factory=dict)
     missing: dict[str, str] = field(default_factory=dict)
 
@@ -143,7 +145,7 @@ class StreamQueries(Part):
         among = [entry for entry in offering if entry.unit != self._unit]
         kept = {entry.unit for entry in among if not _may_have(entry, query.semantic_label, act.sender.unit)}
         others = [entry.unit for entry in among if entry.unit not in kept]
-        gathering = Gathering(act, query, set(others))
+        gathering = Gathering(act, query, Round(others))
         gathering.missing.update(
             dict.fromkeys(kept, f"{query.semantic_label} is exported to others, not to {act.sender.unit}")
         )
@@ -155,20 +157,15 @@ class StreamQueries(Part):
     def _ask_here(self, gathering: Gathering, query: Query, now_us: int) -> None:
         def on_sample(at_us: int) -> None:
             gathering.answers[self._unit] = self._local(query, query.semantic_label, at_us)
-            gathering.waiting.discard(self._unit)
-            self._conclude(gathering, at_us)
+            self._answered(gathering, self._unit, "", at_us)
 
-        def on_silence(why: str, at_us: int) -> None:
-            gathering.missing[self._unit] = why
-            gathering.waiting.discard(self._unit)
-            self._conclude(gathering, at_us)
-
+        on_silence = partial(self._answered, gathering, self._unit)
         try:
             gathering.answers[self._unit] = self._local(query, query.semantic_label, now_us)
         except ValueNotAvailable as absent:
             waiting = PendingQuery(on_sample, on_silence, self._agent.acts.share_of(gathering.act.sender.unit))
             if self._dormant.activate(query, query.semantic_label, waiting, now_us):
-                gathering.waiting.add(self._unit)
+                gathering.round.ask(self._unit)
             else:
                 gathering.missing[self._unit] = str(absent)
         except DyknowError as refused:
@@ -176,19 +173,15 @@ class StreamQueries(Part):
 
     def _ask_one(self, gathering: Gathering, unit: str, query: Query, now_us: int) -> None:
         def on_reply(reply: Act, answer: Content | None, at_us: int) -> None:
+            if unit not in gathering.round.awaited:
+                return
             if isinstance(answer, Samples) and reply.performative is Performative.INFORM:
                 gathering.answers.setdefault(unit, []).extend(answer.samples)
-                if answer.more:
-                    return
+                if not answer.more:
+                    self._answered(gathering, unit, "", at_us)
             else:
-                gathering.missing[unit] = answer.text if isinstance(answer, Reason) else str(reply.performative)
-            gathering.waiting.discard(unit)
-            self._conclude(gathering, at_us)
-
-        def on_silence(why: str, at_us: int) -> None:
-            gathering.missing[unit] = why
-            gathering.waiting.discard(unit)
-            self._conclude(gathering, at_us)
+                why = answer.text if isinstance(answer, Reason) else str(reply.performative)
+                self._answered(gathering, unit, why, at_us)
 
         self._agent.delegate(
             unit,
@@ -196,13 +189,18 @@ class StreamQueries(Part):
             now_us,
             performative=Performative.QUERY_REF,
             on_reply=on_reply,
-            on_silence=on_silence,
+            on_silence=partial(self._answered, gathering, unit),
             reply_within_us=GLOBAL_WITHIN_US,
         )
 
+    def _answered(self, gathering: Gathering, unit: str, missing: str, now_us: int) -> None:
+        if gathering.round.answered(unit):
+            gathering.missing.update({unit: missing} if missing else {})
+            self._conclude(gathering, now_us)
+
     def _conclude(self, gathering: Gathering, now_us: int) -> None:
         """When no answer is pending, send all readings in pages, an act each; the last names the missing platforms."""
-        if gathering.waiting:
+        if gathering.round.awaited:
             return
         query = gathering.query
         merged = merged_reading(

@@ -18,6 +18,7 @@ from federation.members.offers import LabelAppeared, ServiceAppeared
 from federation.messages.acts import Act, Performative
 from federation.messages.contents import Content, CreateMulticast
 from federation.messages.contents.parts import LEAST_PERIOD_S
+from federation.messages.rounds import Retries
 
 FIRST_US = 250_000
 CHECK_US = 250_000
@@ -59,8 +60,7 @@ class SubscriptionKeeper(Part):
         self._counted = Counter[tuple[str, tuple[str, int, int]]]()
         self._imported: Needs = {}
         self._both: tuple[Needs, Needs, Needs] = ({}, {}, {})
-        self._asked_us: dict[str, int] = {}
-        self._again_us: dict[str, int] = {}
+        self._retries: Retries[str] = Retries(AGAIN_US, AGAIN_MOST_US)
         self._open: dict[str, list[str]] = {}
         self._asked_for: dict[str, AbstractSet[tuple[str, int, int]]] = {}
         self._renew: set[str] = set()
@@ -139,7 +139,7 @@ class SubscriptionKeeper(Part):
             self._look_us[unit] = min(silent_at_us.values()) + 1
             silent = {label for label, at_us in silent_at_us.items() if now_us > at_us}
             if not silent:
-                self._again_us.pop(unit, None)
+                self._retries.settle(unit)
             if self._lacks(unit, silent, now_us):
                 asked_for = needs[unit] if unit in self._renew else self._asked_for.get(unit, set())
                 wanted = {need for need in needs[unit] if need[0] in silent or need in asked_for}
@@ -149,8 +149,7 @@ class SubscriptionKeeper(Part):
 
     def _forget(self, unit: str) -> None:
         """Forget requests to a platform that is gone; its exports to this one are requested again when it returns."""
-        self._asked_us.pop(unit, None)
-        self._again_us.pop(unit, None)
+        self._retries.forget(unit)
         self._asked_for.pop(unit, None)
         if self._open.pop(unit, None):
             self._renew.add(unit)
@@ -158,11 +157,7 @@ class SubscriptionKeeper(Part):
     def _lacks(self, unit: str, silent: set[str], now_us: int) -> bool:
         """Whether to ask for streams again: those of labels that are silent, or all after a return or for less."""
         is_renewed = unit in self._renew
-        if not (silent or is_renewed):
-            return False
-        if unit in self._asked_us and now_us < self._asked_us[unit] + self.patience * self._again_us.get(
-            unit, AGAIN_US
-        ):
+        if not (silent or is_renewed) or not self._retries.is_due(unit, now_us, self.patience):
             return False
         if not self._directory.is_present(unit):
             return False
@@ -181,9 +176,8 @@ class SubscriptionKeeper(Part):
 
     def _ask(self, unit: str, wanted: AbstractSet[tuple[str, int, int]], now_us: int) -> None:
         """Request the silent streams and those requested before; the old requests end once the new ones are agreed to."""
-        if unit in self._asked_us:
-            self._again_us[unit] = min(2 * self._again_us.get(unit, AGAIN_US // 2), AGAIN_MOST_US)
-        self._asked_us[unit], self._asked_for[unit] = now_us, set(wanted)
+        self._retries.asked(unit, now_us)
+        self._asked_for[unit] = set(wanted)
         self._renew.discard(unit)
         offered = self._offered(unit)
         by_policy: dict[tuple[int, int], list[str]] = {}

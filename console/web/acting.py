@@ -3,8 +3,8 @@
 from collections.abc import Callable, Mapping
 from typing import Any, Final
 
+from console.picture.rows import text
 from console.web.actions import Done
-from console.web.rows import text
 from dyknow.model.errors import DyknowError, FederationFailed, WrongCall
 from federation.messages.acts import Performative
 from federation.messages.contents import AnswerQuestion, ControlMission

@@ -4,8 +4,8 @@ from bisect import bisect_right
 from collections.abc import Mapping
 from typing import Any, Final, Protocol
 
-from console.web.picture import Picture
-from console.web.rows import LONGEST, instant, number
+from console.picture.picture import Picture
+from console.picture.rows import LONGEST, instant, number
 from console.web.views import PageView, Past
 from dyknow.model.errors import DecodeError
 from runtime.recordings.recorded import FederationRecording

@@ -69,8 +69,8 @@ class PageMember:
             self._thread.join(5.0)
 
     def _run(self) -> None:
+        from console.picture.picture import Picture
         from console.web.member import feed_from
-        from console.web.picture import Picture
 
         try:
             with self._connect() as client:

@@ -6,9 +6,9 @@ from queue import SimpleQueue
 from threading import Event
 from typing import Final
 
+from console.picture.picture import MAP_LABELS
 from console.web.acting import job_of
 from console.web.actions import Done, PageAction
-from console.web.picture import MAP_LABELS
 from console.web.views import LOOKING, LiveFeed
 from dyknow.model.errors import DyknowError
 from runtime.client import Client, Job, Wait

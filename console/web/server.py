@@ -15,8 +15,8 @@ from starlette.routing import Route, WebSocketRoute
 from starlette.types import ASGIApp, Receive, Scope, Send
 from starlette.websockets import WebSocket, WebSocketDisconnect
 
+from console.picture.differences import difference
 from console.web.access import ACT, LARGEST_BODY, LIVE, PAGE, SESSION, Access, Demand, Refusal
-from console.web.differences import difference
 from console.web.views import PageView, Viewer
 from dyknow.model.errors import DyknowError
 

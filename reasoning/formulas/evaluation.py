@@ -75,8 +75,12 @@ class EvaluationCompiler:
 
     def __init__(self, domains: tree.Domains | None = None, no_value: NoValuePolicy = "undecided") -> None:
         self.domains = {name: tuple(members) for name, members in (domains or {}).items()}
-        self.nodes_left = tree.LIMIT_NODES
+        self.no_value, self.nodes_left = no_value, tree.LIMIT_NODES
         self._unknown = UNKNOWN[no_value]
+
+    def again(self) -> "EvaluationCompiler":
+        """Another one over the same domains, which counts by itself how large formulas are."""
+        return EvaluationCompiler(self.domains, self.no_value)
 
     def count(self) -> None:
         """One more node; raises TextError when the formula has grown too large."""

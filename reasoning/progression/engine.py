@@ -191,8 +191,7 @@ class FastProgression:
         decision, apart, progressor = self.decision, self.taken_apart, self._progressor
         if decision is None or apart is None or progressor is None or apart.growing or self.verdict == "undecided":
             return ()
-        compiler = EvaluationCompiler(self._compiler.domains, self._no_value)
-        explainer = Explainer(apart, progressor, compiler, *decision)
+        explainer = Explainer(apart, progressor, self._compiler.again(), *decision)
         return explainer.reasons(truth=self.verdict == "true")
 
     def progress(
@@ -236,8 +235,7 @@ class FastProgression:
     def _activate(self, domains: Domains) -> None:
         compiler = self._compiler = EvaluationCompiler(domains, self._no_value)
         found = self.taken_apart = take_apart(self.formula, domains, compiler)
-        reading = EvaluationCompiler(domains, self._no_value)  # its size is counted by itself
-        self._read = reading.assignment(found.atoms)
+        self._read = compiler.again().assignment(found.atoms)
         if found.growing or found.is_deep:
             self._progressor = progressor_of(found, domains, self.period_us, self._no_value, compiler)
             self._turn_to_deadlines()

@@ -5,9 +5,10 @@ residuals of one formula are stepped through every state, and those of states in
 """
 
 from collections.abc import Callable, Sequence
+from functools import cached_property
 from typing import Any, Final, Protocol
 
-from reasoning.formulas.evaluation import TRUTHS, EvaluationCompiler, Moment, NoValuePolicy, Truth
+from reasoning.formulas.evaluation import TRUTHS, EvaluationCompiler, Moment, NoValuePolicy, Test, Truth
 from reasoning.formulas.skeletons import TakenApart, take_apart
 from reasoning.formulas.tree import Domains, Exists, Forall, Formula, Not, domain_members, instantiate, is_temporal
 from reasoning.progression.automaton import Automaton, AutomatonState, Progressor, TruthAssignment, automaton, moved
@@ -99,11 +100,16 @@ class OneState:
     def explain(self, left: Any, _reading: Moment, moment: Moment) -> tuple[Explanation, ...]:
         if left is not None:
             return ()
-        compiler = EvaluationCompiler(self._compiler.domains)
+        found, progressor, read = self._parts
+        assignment = progressor.assignment(read(*moment))
+        return Explainer(found, progressor, self._compiler.again(), None, assignment, moment).reasons(truth=False)
+
+    @cached_property
+    def _parts(self) -> tuple[TakenApart, Progressor, Test]:
+        """The formula as it is explained, compiled at the first alarm."""
+        compiler = self._compiler.again()
         found = take_apart(self._formula, compiler.domains, compiler)
-        progressor = Progressor(found.skeleton, None)
-        assignment = progressor.assignment(self._compiler.assignment(found.atoms)(*moment))
-        return Explainer(found, progressor, self._compiler, None, assignment, moment).reasons(truth=False)
+        return found, Progressor(found.skeleton, None), compiler.assignment(found.atoms)
 
 
 class GrowingQuantifier:
@@ -236,8 +242,5 @@ class OnAutomaton:
         assignment, gap_us, _ = reading
         progressor = self._automaton.progressor
         before = None if left is None else moved(left.clauses, moment.valid_us - gap_us)
-        compiler = EvaluationCompiler(self._compiler.domains)
-        explainer = Explainer(
-            self._taken_apart, progressor, compiler, before, progressor.assignment(assignment), moment
-        )
-        return explainer.reasons(truth=False)
+        compiler, there = self._compiler.again(), progressor.assignment(assignment)
+        return Explainer(self._taken_apart, progressor, compiler, before, there, moment).reasons(truth=False)

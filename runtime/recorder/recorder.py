@@ -36,6 +36,7 @@ from federation.messages.contents import (
 )
 from federation.messages.descriptions import DefinitionEntry
 from federation.messages.dialogue import Dialogue
+from federation.messages.rounds import Retries
 from runtime.client import Client
 from runtime.library.jobs import SET_UP_S, Subscriptions
 from runtime.library.meanings import meaning_to, record_of
@@ -105,7 +106,7 @@ class _Peer:
     version: int = -1
     state: str = ""
     streams: dict[str, Dialogue] = field(default_factory=dict)
-    again_us: dict[str, int] = field(default_factory=dict)
+    retries: Retries[str] = field(default_factory=lambda: Retries(_AGAIN_US))
     lists: list[Dialogue] = field(default_factory=list)
     listed_us: int = 0
 
@@ -245,8 +246,8 @@ class Recorder:
                 continue
             if asked is not None and asked.trouble is not None:
                 self._note_once(f"platform {view.unit}: {label} is not recorded: {asked.trouble}")
-            if (asked is None or asked.over) and now_us >= peer.again_us.get(label, 0):
-                peer.again_us[label] = now_us + _AGAIN_US
+            if (asked is None or asked.over) and peer.retries.is_due(label, now_us):
+                peer.retries.asked(label, now_us)
                 period_us = self._every_us or offered.period_us or PERIOD_US
                 content = CreateMulticast(
                     semantic_labels=(label,),

@@ -74,7 +74,7 @@ class WorldNode:
         lives: all processes that have run under this name, the present one last.
         halted: why a process of it ended by itself.
         notes: its processes' reports to the user.
-        told: the results of its specification.
+        results: the records of its specification: samples, alarms, monitors.
         kept: its learnt knowledge; encounters: records of them.
     """
 
@@ -90,7 +90,7 @@ class WorldNode:
     lives: list[WorldProcess] = field(default_factory=list)
     halted: list[str] = field(default_factory=list)
     notes: list[str] = field(default_factory=list)
-    told: list[Mapping[str, Any]] = field(default_factory=list)
+    results: list[Mapping[str, Any]] = field(default_factory=list)
     kept: list[Keep] = field(default_factory=list)
     encounters: list[KeepEncounter] = field(default_factory=list)
     truth: list[TrueState] = field(default_factory=list)

@@ -376,7 +376,7 @@ class World:
                 case Note(_, text):
                     node.notes.append(text)
                 case Tell(record):
-                    node.told.append(record)
+                    node.results.append(record)
                 case Halt():
                     node.halted.append(effect.reason)
                     self.agenda.at(self.now_us, self.kill, node.unit)

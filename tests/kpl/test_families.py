@@ -117,7 +117,7 @@ def test_a_family_is_read_back_as_it_is_printed(text):
 
 
 def altitudes(world, unit):
-    told = [each for each in world.nodes[unit].told if each["event"] == "sample"]
+    told = [each for each in world.nodes[unit].results if each["event"] == "sample"]
     return {each["stream"] for each in told if each["valid_us"] > world.now_us - 2_000_000}
 
 

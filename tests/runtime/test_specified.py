@@ -77,7 +77,7 @@ def test_a_platform_takes_it_as_one_instant(tmp_path):
     for event in events(tmp_path):
         world.run_for(0.01)
         world._reach(node, event._replace(at_us=world.now_us))
-    told = [record for record in node.told if record["event"] == "sample"]
+    told = [record for record in node.results if record["event"] == "sample"]
     by_stream = {name: [each for each in told if each["stream"] == name] for name in ("first", "second", "apart")}
     assert [each["value"] for each in by_stream["apart"]] == [0, 0, 1, 0]
     together = [each["available_us"] for each in by_stream["first"] if each["value"] != 3]

@@ -28,6 +28,7 @@ from federation.members.offers import LabelAppeared, LabelGone
 from federation.messages.acts import Act, Performative
 from federation.messages.contents import AreaRing, AssignArea, Content, DivideArea, Progress, Query, Samples
 from federation.messages.contents.parts import next_generation
+from federation.messages.rounds import Round
 from navigation.areas import Area, Piece
 
 P = Performative
@@ -105,11 +106,9 @@ class DividedArea:
     generation: int = 0
     pieces: dict[str, Piece] = field(default_factory=dict)
     asked: dict[str, PlatformAbility] = field(default_factory=dict)
-    open: int = 0
-    round: int = 0
+    round: Round[tuple[str, str]] = field(default_factory=Round)
     due_us: int | None = None
     renew_us: int | None = None
-    is_asking: bool = False
 
     @property
     def task(self) -> str:
@@ -118,6 +117,10 @@ class DividedArea:
     @property
     def delegator(self) -> str:
         return self.evidence.delegator
+
+    def ask_at(self, due_us: int | None) -> None:
+        """Ask then; answers that are awaited still count no longer."""
+        self.round, self.due_us = Round(), due_us
 
 
 class AreaDivision(Part):
@@ -193,14 +196,12 @@ class AreaDivision(Part):
         return {unit: there[unit] for unit in units if sensor is None or sensor in there[unit]}
 
     def _ask(self, divided: DividedArea, now_us: int) -> None:
-        divided.round += 1
-        divided.is_asking, divided.due_us = True, now_us + ANSWER_US
         there = self._participants(divided.content.sensor)
         divided.asked = {unit: PlatformAbility(unit) for unit in there}
         questions = [(unit, label) for unit in there for label in ASKED if unit != self._unit and label in there[unit]]
-        divided.open = len(questions)
         for label in ASKED if self._unit in there else ():
             self._look(divided.asked[self._unit], label)
+        divided.round, divided.due_us = Round(questions), now_us + ANSWER_US
         for unit, label in questions:
             self._query(divided, divided.asked[unit], label, now_us)
         if not questions:
@@ -217,13 +218,12 @@ class AreaDivision(Part):
             ability.values[label] = dict(zip(names, value, strict=True))
 
     def _query(self, divided: DividedArea, ability: PlatformAbility, label: str, now_us: int) -> None:
-        number = divided.round
+        asked = divided.round
 
         def answered(at_us: int) -> None:
-            if number == divided.round and divided.is_asking:
-                divided.open -= 1
-                if not divided.open:
-                    self._divide(divided, at_us)
+            is_last = asked.answered((ability.unit, label)) and not asked.awaited
+            if is_last and asked is divided.round:
+                self._divide(divided, at_us)
 
         def on_reply(_act: Act, content: Content | None, at_us: int) -> None:
             if isinstance(content, Samples) and content.samples and content.samples[-1].value is not NO_VALUE:
@@ -247,7 +247,7 @@ class AreaDivision(Part):
     def _divide(self, divided: DividedArea, now_us: int) -> None:
         if divided.task not in self.areas:
             return
-        divided.is_asking, divided.due_us = False, None
+        divided.ask_at(None)
         able = [each for each in divided.asked.values() if each.weight > 0]
         before, divided.pieces = divided.pieces, {}
         divided.generation = next_generation(divided.generation)
@@ -308,7 +308,7 @@ class AreaDivision(Part):
                 case _:
                     is_other = False
             if is_other:
-                divided.is_asking, divided.due_us = False, now_us + AFTER_US
+                divided.ask_at(now_us + AFTER_US)
 
     @property
     def deadline_us(self) -> int | None:
@@ -323,9 +323,9 @@ class AreaDivision(Part):
         for divided in list(self.areas.values()):
             if divided.renew_us is not None and now_us >= divided.renew_us:
                 divided.renew_us = None
-                divided.is_asking, divided.due_us = False, now_us
+                divided.ask_at(now_us)
             if divided.due_us is not None and now_us >= divided.due_us:
-                if divided.is_asking:
+                if divided.round.awaited:
                     self._divide(divided, now_us)  # with the answers so far
                 else:
                     self._ask(divided, now_us)

@@ -1,13 +1,11 @@
 """`dyknow cot`: platforms, and by option objects and alarms, as Cursor on Target events."""
 
 from dataclasses import dataclass
-from math import atan2, degrees, hypot
 from typing import Annotated, Literal
 
 import typer
 
 from console.arguments import Duration
-from console.centre.client import connected
 from console.command import Call, command
 from console.commands.outward.passing import (
     SHORTEST_PERIOD_US,
@@ -15,19 +13,16 @@ from console.commands.outward.passing import (
     Every,
     To,
     Undulation,
-    pass_on,
     place,
-    say_begun,
-    say_ended,
+    send,
 )
-from console.errors import DONE, INTERRUPTED
-from console.processes.supervision import interruptible
+from console.picture.differences import Row
+from console.picture.things import AIRCRAFT, PLATFORM_LABELS, ThingState, ThingStates
 from dyknow.model.errors import WrongCall
 from proxies.outward.cot import ALARM, UAV, UNKNOWN_AIR, UNKNOWN_GROUND, CotMotion, CotPoint, cot_event
 from proxies.outward.outlets import Outlet, parse_destination
 from runtime.client import Client
 from runtime.configuration.instants import SHORTEST_US, duration_us
-from runtime.recorder.things import AIRCRAFT, PLATFORM_LABELS, AlarmEdge, ThingState, ThingStates
 
 
 @command(example="dyknow cot --to udp://127.0.0.1:6969 --alarms")
@@ -57,26 +52,13 @@ def cot(
             "--objects: their places are metres from the federation's origin; say where it is: --origin LAT,LON."
         )
     at = place(origin, option="--origin") if origin else None
-    with connected(call) as client:
-        outlet = Outlet(destination)
+
+    def things_of(client: Client, outlet: Outlet) -> ThingStates:
         sender = CotSender(client, outlet, call.settings.federation, period_us, undulation)
-        tracks = ThingStates(
-            period_us, client.federation_us, sender.on_track, sender.on_alarm if alarms else _nothing, at
-        )
-        try:
-            with interruptible():
-                say_begun(call, str(destination))
-                recorder = pass_on(call, client, tracks, (*PLATFORM_LABELS, *filter(None, [objects])), lasts_us)
-        except KeyboardInterrupt:
-            return INTERRUPTED
-        finally:
-            outlet.close()
-    say_ended(call, outlet, recorder, tracks.refused)
-    return DONE
+        on_alarm = sender.on_alarm if alarms else None
+        return ThingStates(period_us, client.federation_us, sender.on_track, on_alarm, at)
 
-
-def _nothing(_alarm: AlarmEdge, _tracks: list[ThingState]) -> None:
-    """Alarms are not wanted."""
+    return send(call, destination, lasts_us, (*PLATFORM_LABELS, *filter(None, [objects])), things_of)
 
 
 @dataclass(frozen=True)
@@ -92,14 +74,11 @@ class CotSender:
     def on_track(self, track: ThingState) -> None:
         """A platform as a friendly drone, an object as an unknown thing on the ground, or in the air."""
         name = ".".join(filter(None, (track.label, track.unit, track.symbol)))
-        velocity = track.part("heli-velocity")
-        motion = None
-        if velocity is not None and len(velocity) == 3:
-            motion = CotMotion(degrees(atan2(velocity[1], velocity[0])), hypot(velocity[0], velocity[1]))
+        motion = None if track.speed_m_s is None else CotMotion(track.course_deg, track.speed_m_s)
         kind = UAV if not track.label else UNKNOWN_AIR if track.label == AIRCRAFT else UNKNOWN_GROUND
-        self._send(name, kind, track.symbol or track.unit, point_of(track), track.valid_us, motion)
+        self._send(name, kind, track.symbol or track.unit, _point_of(track), track.valid_us, motion)
 
-    def on_alarm(self, alarm: AlarmEdge, tracks: list[ThingState]) -> None:
+    def on_alarm(self, name: str, alarm: Row, tracks: list[ThingState]) -> None:
         """In the middle of those that it is about; when it closes the event ends."""
         if not tracks:
             return
@@ -107,11 +86,9 @@ class CotSender:
             sum(track.latitude_deg for track in tracks) / len(tracks),
             sum(track.longitude_deg for track in tracks) / len(tracks),
         )
-        words = f"{alarm.monitor} of {', '.join(alarm.units)} by {alarm.by} {alarm.event}"
-        at_us = max(track.valid_us for track in tracks)
-        self._send(
-            f"alarm.{alarm.by}.{alarm.id}", ALARM, alarm.monitor, middle, at_us, text=words, is_over=alarm.event != "opened"
-        )  # fmt: skip
+        words = f"{alarm['monitor']} of {', '.join(alarm['units'])} by {alarm['by']} {alarm['event']}"
+        at_us, is_over = max(track.valid_us for track in tracks), alarm["event"] != "opened"
+        self._send(f"alarm.{alarm['by']}.{name}", ALARM, alarm["monitor"], middle, at_us, text=words, is_over=is_over)
 
     def _send(
         self, name: str, kind: str, callsign: str, point: CotPoint, at_us: int, motion: CotMotion | None = None, *,
@@ -137,13 +114,7 @@ class CotSender:
 _ALARM_LASTS_US = 60_000_000
 
 
-def point_of(track: ThingState) -> CotPoint:
-    """Where it is, as far as that is known."""
-    altitude, altitude_sd = track.part("heli-altitude"), track.part("altitude sd")
+def _point_of(track: ThingState) -> CotPoint:
     return CotPoint(
-        track.latitude_deg,
-        track.longitude_deg,
-        altitude[0] if altitude else None,
-        track.horizontal_sd_m,
-        altitude_sd[0] if altitude_sd else None,
+        track.latitude_deg, track.longitude_deg, track.altitude_m, track.horizontal_sd_m, track.altitude_sd_m
     )

@@ -2,17 +2,21 @@
 
 import ipaddress
 import math
-from collections.abc import Iterable
+from collections.abc import Callable, Iterable
 from contextlib import suppress
 from typing import Annotated, Final, TypeAlias
 
 import typer
 
+from console.centre.client import connected
 from console.command import Call
+from console.errors import DONE, INTERRUPTED
 from console.output.output import counted
 from console.output.shown import line, styled
+from console.picture.things import ThingStates
+from console.processes.supervision import interruptible
 from dyknow.model.errors import WrongCall
-from proxies.outward.outlets import Outlet
+from proxies.outward.outlets import Destination, Outlet
 from runtime.client import Client
 from runtime.recorder.recorder import Recorder, Sink
 
@@ -69,33 +73,40 @@ def pass_on(call: Call, client: Client, sink: Sink, labels: Iterable[str], lasts
     return recorder
 
 
-def say_begun(call: Call, to: str) -> None:
-    """That messages go there now."""
-    call.out.say(line(styled("sending", "green"), f" to {to}; Ctrl-C ends it"), event="sending", to=to)
-
-
-def say_ended(call: Call, outlet: Outlet, recorder: Recorder, refused: int) -> None:
-    """Report the messages sent and lost, by reason."""
-    counts = outlet.counts
+def send(
+    call: Call,
+    to: Destination,
+    lasts_us: int | None,
+    labels: Iterable[str],
+    things_of: Callable[[Client, Outlet], ThingStates],
+) -> int:
+    """Send platforms and objects, in messages made by `things_of`, and report those sent and lost, by reason."""
+    with connected(call) as client:
+        outlet = Outlet(to)
+        things = things_of(client, outlet)
+        try:
+            with interruptible():
+                call.out.say(line(styled("sending", "green"), f" to {to}; Ctrl-C ends it"), event="sending", to=str(to))
+                recorder = pass_on(call, client, things, labels, lasts_us)
+        except KeyboardInterrupt:
+            return INTERRUPTED
+        finally:
+            outlet.close()
+    sent, refused = outlet.counts["sent"], things.refused
+    lost = {reason: count for reason, count in sorted(outlet.counts.items()) if reason != "sent"}
     if outlet.lost or refused:
-        why = ", ".join(f"{reason}: {count}" for reason, count in sorted(counts.items()) if reason != "sent")
+        why = ", ".join(f"{reason}: {count}" for reason, count in lost.items())
         call.out.note(
             f"{counted(outlet.lost, 'message')} lost{f' ({why})' if why else ''}, "
             f"{counted(refused, 'value')} of other members not usable.",
             style="yellow",
         )
+    shown = f": {counted(sent, 'message')} of {counted(len(recorder.units), 'platform')}"
     call.out.say(
-        line(
-            styled("sent", "green"),
-            f": {counted(counts['sent'], 'message')} of {counted(len(recorder.units), 'platform')}",
-        ),
-        event="sent",
-        to=str(outlet.to),
-        units=recorder.units,
-        sent=counts["sent"],
-        lost={reason: count for reason, count in sorted(counts.items()) if reason != "sent"},
+        line(styled("sent", "green"), shown), event="sent", to=str(to), units=recorder.units, sent=sent, lost=lost,
         refused=refused,
-    )
+    )  # fmt: skip
+    return DONE
 
 
 def place(text: str, *, option: str) -> tuple[float, float]:

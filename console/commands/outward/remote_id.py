@@ -1,11 +1,11 @@
 """`dyknow remote-id`: platforms as Remote ID messages, as MAVLink carries them."""
 
+from math import cos, radians, sin
 from typing import Annotated
 
 import typer
 
 from console.arguments import Duration
-from console.centre.client import connected
 from console.command import Call, command
 from console.commands.outward.passing import (
     SHORTEST_PERIOD_US,
@@ -13,17 +13,14 @@ from console.commands.outward.passing import (
     Every,
     To,
     Undulation,
-    pass_on,
-    say_begun,
-    say_ended,
+    send,
 )
-from console.errors import DONE, INTERRUPTED
-from console.processes.supervision import interruptible
+from console.picture.things import PLATFORM_LABELS, ThingState, ThingStates
 from dyknow.model.errors import WrongCall
 from proxies.outward.outlets import Outlet, parse_destination
 from proxies.outward.remote_id import RemoteIdMessages, RemoteIdState, check_serial
+from runtime.client import Client
 from runtime.configuration.instants import SHORTEST_US, duration_us
-from runtime.recorder.things import PLATFORM_LABELS, ThingState, ThingStates
 
 
 @command(example="dyknow remote-id --to udp://127.0.0.1:14560 --serial 7=1A2B5X7Y9Z")
@@ -46,24 +43,15 @@ def remote_id(
     lasts_us = duration_us(duration, option="--duration", least_us=SHORTEST_US) if duration else None
     serials = dict(_serial(each) for each in serial or ())
     messages = RemoteIdMessages(undulation)
-    with connected(call) as client:
-        outlet = Outlet(destination)
 
+    def things_of(client: Client, outlet: Outlet) -> ThingStates:
         def on_track(track: ThingState) -> None:
             for message in messages.encode(state_of(track, serials.get(track.unit, ""))):
                 outlet.send(message, client.now_us())
 
-        tracks = ThingStates(period_us, client.federation_us, on_track)
-        try:
-            with interruptible():
-                say_begun(call, str(destination))
-                recorder = pass_on(call, client, tracks, PLATFORM_LABELS, lasts_us)
-        except KeyboardInterrupt:
-            return INTERRUPTED
-        finally:
-            outlet.close()
-    say_ended(call, outlet, recorder, tracks.refused)
-    return DONE
+        return ThingStates(period_us, client.federation_us, on_track)
+
+    return send(call, destination, lasts_us, PLATFORM_LABELS, things_of)
 
 
 def _serial(text: str) -> tuple[str, str]:
@@ -75,18 +63,20 @@ def _serial(text: str) -> tuple[str, str]:
 
 def state_of(track: ThingState, serial: str = "") -> RemoteIdState:
     """The state of a platform as Remote ID has it."""
-    altitude, altitude_sd, height = (track.part(name) for name in ("heli-altitude", "altitude sd", "heli-height"))
-    velocity, home = track.part("heli-velocity"), track.part("heli-home")
+    velocity_m_s = None
+    if track.speed_m_s is not None:
+        course, speed_m_s = radians(track.course_deg), track.speed_m_s
+        velocity_m_s = speed_m_s * cos(course), speed_m_s * sin(course), -track.climb_m_s
     return RemoteIdState(
         track.unit,
         track.latitude_deg,
         track.longitude_deg,
         track.valid_us,
-        altitude_m=altitude[0] if altitude else None,
-        height_m=height[0] if height else None,
-        velocity_m_s=(velocity[0], velocity[1], velocity[2]) if velocity and len(velocity) == 3 else None,
+        altitude_m=track.altitude_m,
+        height_m=track.height_m,
+        velocity_m_s=velocity_m_s,
         horizontal_sd_m=track.horizontal_sd_m,
-        vertical_sd_m=altitude_sd[0] if altitude_sd else None,
-        home=(home[0], home[1]) if home and len(home) > 1 else None,
+        vertical_sd_m=track.altitude_sd_m,
+        home=track.home,
         serial=serial,
     )

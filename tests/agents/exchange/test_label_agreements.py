@@ -83,7 +83,7 @@ def test_a_label_of_ones_own_is_queried_imported_and_streamed_by_who_has_the_sam
     [said] = queried(wire, "8").contents
     assert isinstance(said, Samples)
     assert said.samples[0].value.keys() == {"value"}
-    seen = [each["value"] for each in wire.nodes["8"].told if each["event"] == "sample" and each["stream"] == "seen"]
+    seen = [each["value"] for each in wire.nodes["8"].results if each["event"] == "sample" and each["stream"] == "seen"]
     assert len([value for value in seen if value is not None]) >= 5
     assert conditions(wire, "7", "8") == conditions(wire, "8", "7") == []
 

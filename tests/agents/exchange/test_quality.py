@@ -55,7 +55,7 @@ def test_an_importer_leaves_out_what_deviates_by_more_than_it_asks_for(wire: Box
     wire.join("0", Vehicle(east_m=500.0))
     wire.specify("0", IMPORTING, "0.kpl")
     wire.run(6.0)
-    told = [each for each in wire.nodes["0"].told if each["event"] == "sample"]
+    told = [each for each in wire.nodes["0"].results if each["event"] == "sample"]
     counts = {name: sum(each["stream"] == name for each in told) for name in ("all", "within_11m", "higher")}
     assert min(counts.values()) > 30
     assert len(set(counts.values())) == 1
@@ -94,6 +94,6 @@ def test_what_comes_from_a_platform_is_as_much_less_certain_as_that_is_trusted_a
     )
     wire.specify("0", text)
     wire.run(3.0)
-    samples = [each for each in wire.nodes["0"].told if each["event"] == "sample"]
+    samples = [each for each in wire.nodes["0"].results if each["event"] == "sample"]
     assert {each["stream"] for each in samples} == {"unsure"}
     assert any("platform 1 is trusted by 0.6, as declared" in note for note in wire.nodes["0"].notes)

@@ -221,7 +221,7 @@ class HostileFederation:
         for unit in HONEST:
             event = Specify(self.world.now_us, text, ready.file.name, named)
             self.world._reach(self.world.nodes[unit], event)
-            assert not [each for each in self.world.nodes[unit].told if each["event"] == "not-specified"]
+            assert not [each for each in self.world.nodes[unit].results if each["event"] == "not-specified"]
 
     def _delegate(self) -> None:
         """What a command centre has asked for: monitors."""
@@ -368,7 +368,7 @@ class HostileFederation:
         self._remember_boots()
         for node in world.nodes.values():
             node.lives = node.lives[-1:]
-            for kept in (node.notes, node.told, node.kept, node.truth):
+            for kept in (node.notes, node.results, node.kept, node.truth):
                 kept.clear()
 
     def _remember_boots(self) -> None:

@@ -36,7 +36,7 @@ def pair(wire: Box, exporting: str = EXPORTING, importing: str = IMPORTING) -> N
 
 
 def told(wire: Box, event: str) -> list[dict[str, object]]:
-    return [dict(each) for each in wire.nodes["0"].told if each["event"] == event]
+    return [dict(each) for each in wire.nodes["0"].results if each["event"] == event]
 
 
 def test_what_one_exports_as_predicted_is_so_where_it_is_imported(wire: Box) -> None:
@@ -106,4 +106,4 @@ def test_a_monitor_of_pairs_refuses_to_predict_a_derived_feature_with_the_remedy
     wire.join("0")
     wire.specify("0", "monitor m = always forall o in units - {self} growing: xy_dist[self, o] > 15 with predict 5s")
     wire.run(0.5)
-    assert any("cpa_time" in note for note in (*wire.nodes["0"].notes, *map(str, wire.nodes["0"].told)))
+    assert any("cpa_time" in note for note in (*wire.nodes["0"].notes, *map(str, wire.nodes["0"].results)))

@@ -41,7 +41,7 @@ class Pair:
         self.world.run_for(0.001)
 
     def told(self, unit, event):
-        return [record for record in self.world.nodes[unit].told if record["event"] == event]
+        return [record for record in self.world.nodes[unit].results if record["event"] == event]
 
     def notes(self, unit):
         return self.world.nodes[unit].notes

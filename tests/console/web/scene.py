@@ -9,8 +9,8 @@ from collections.abc import Mapping
 from pathlib import Path
 from typing import Any, Final
 
+from console.picture.picture import Picture
 from console.web.feeds import RecordedFeed, RecordingViewer
-from console.web.picture import Picture
 from console.web.views import LiveFeed
 from navigation.geodesy import metres_per_degree
 from runtime.recordings import foxglove

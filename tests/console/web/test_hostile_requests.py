@@ -12,8 +12,8 @@ import pytest
 pytest.importorskip("starlette")
 pytest.importorskip("uvicorn")
 
+from console.picture.picture import Picture
 from console.web.access import Access, Demand
-from console.web.picture import Picture
 from console.web.views import LiveFeed
 from tests.console.web.served import Served, serving
 

@@ -5,6 +5,7 @@ from hypothesis import strategies as st
 from dyknow.model.values import NO_VALUE
 from reasoning import Monitor, make_progression
 from reasoning.formulas.tree import (
+    LIMIT_NODES,
     Always,
     And,
     Compare,
@@ -305,3 +306,13 @@ def test_a_margin_is_known_once_it_was_asked_for_and_of_fresh_inputs_only():
     one.on_time(4 * PERIOD_US + 10 * STALE_US)
     assert one.margin() is None
     assert monitor(Always(Eventually(P, 0, None))).margin() is None
+
+
+def test_an_alarm_is_explained_as_often_as_is_wanted():
+    some = tuple(map(str, range(100)))
+    one = monitor(Always(Or((P, *map(Feature, some)))))
+    one.on_state(PERIOD_US, PERIOD_US + 1, dict.fromkeys(("p", *some), False))
+    first = one.explanation
+    assert len(first) == 101
+    for _ in range(LIMIT_NODES // 100):
+        assert one.explanation == first

@@ -9,6 +9,7 @@ from pathlib import Path
 import pytest
 
 import dyknow
+from dyknow import testing
 from dyknow.library import _PLACES
 from federation.sharing.ontology import default_ontology
 
@@ -24,6 +25,16 @@ def test_what_leads_through_the_door_is_exported_typed_and_there() -> None:
         assert getattr(dyknow, name).__name__ == name
     with pytest.raises(AttributeError, match="no attribute 'nothing'"):
         dyknow.nothing  # noqa: B018
+
+
+def test_what_tests_of_users_need_leads_through_the_door() -> None:
+    stub = (ROOT / "dyknow" / "testing.pyi").read_text()
+    typed = {name: module for module, name in re.findall(r"^from (\S+) import (\w+) as \2$", stub, re.MULTILINE)}
+    assert typed == testing._PLACES
+    assert dir(testing) == sorted(typed)
+    assert all(getattr(testing, name).__name__ == name for name in typed)
+    with pytest.raises(AttributeError, match=r"'dyknow\.testing' has no attribute 'nothing'"):
+        testing.nothing  # noqa: B018
 
 
 def test_the_rooms_above_are_loaded_when_they_are_used() -> None:

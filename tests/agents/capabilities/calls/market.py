@@ -59,12 +59,12 @@ class Market:
 
     def news(self, *events: str) -> list[tuple[str, str]]:
         """What happened in the call of platform 0, of these kinds: event and unit."""
-        told = [each for each in self.box.nodes["0"].told if each["event"] == "call"]
+        told = [each for each in self.box.nodes["0"].results if each["event"] == "call"]
         return [(each["what"], each["unit"]) for each in told if not events or each["what"] in events]
 
     def samples(self) -> list[tuple[int, Any]]:
         """(valid time, value) of what came under the label of the caller."""
-        told = [each for each in self.box.nodes["0"].told if each["event"] == "sample"]
+        told = [each for each in self.box.nodes["0"].results if each["event"] == "sample"]
         return [(each["valid_us"], each["value"]) for each in told]
 
     def takes_us(self, unit: str, within_s: float) -> int:

@@ -73,7 +73,7 @@ def test_what_is_promised_counts_as_far_as_the_file_of_the_federation_trusts_a_p
     wire.join("0", trusted={"4": 0.5})
     wire.specify("0", CALL)
     wire.run(2)
-    told = [each for each in wire.nodes["0"].told if each["event"] == "call"]
+    told = [each for each in wire.nodes["0"].results if each["event"] == "call"]
     assert [(each["what"], each["unit"]) for each in told if each["what"] in {"refused", "taken"}] == [
         ("refused", "4"), ("taken", "3"),
     ]  # fmt: skip

@@ -1,5 +1,6 @@
 """`dyknow cot` and `dyknow remote-id` as others receive them: platforms at the truth, alarms, no more often than they should."""
 
+import math
 import socket
 from collections.abc import Iterator
 from datetime import datetime
@@ -13,8 +14,9 @@ from console.command import Call
 from console.commands.outward.cot import cot
 from console.commands.outward.remote_id import remote_id
 from console.errors import DONE
+from console.picture.picture import MOST
+from console.picture.things import ThingState, ThingStates
 from dyknow.model.errors import WrongCall
-from runtime.recorder.things import MOST_THINGS, ThingState, ThingStates
 from runtime.recordings.recording_file import ALARM, SAMPLE
 from tests.box import EPOCH, METRE_DEG, Box
 from tests.console.commands.recordings.encounter import encounter, in_world
@@ -132,7 +134,7 @@ def test_objects_are_where_the_origin_puts_them_until_they_end() -> None:
     assert [(each.symbol, each.horizontal_sd_m) for each in given] == [("car<1>", 2.0)]
     assert given[0].latitude_deg == pytest.approx(58.001, abs=1e-5)
     taken.add("", SAMPLE, sample("object-tracks", {"symbol": "car<1>", "end": True}), 0)
-    assert not taken._tracks
+    assert not taken._picture.section("objects")
 
 
 def test_an_aircraft_that_is_no_member_is_one_thing_whatever_platforms_hear_it() -> None:
@@ -145,9 +147,23 @@ def test_an_aircraft_that_is_no_member_is_one_thing_whatever_platforms_hear_it()
     taken.on_time()
     (one,) = given
     assert (one.latitude_deg, one.longitude_deg, one.horizontal_sd_m) == (58.2, 15.1, 33.0)
-    assert (one.part("heli-altitude"), one.part("heli-velocity")) == ((130.0,), (10.0, -60.0, 1.0))
+    assert (one.altitude_m, one.speed_m_s) == (130.0, pytest.approx(math.hypot(10.0, 60.0)))
+    assert one.course_deg % 360 == pytest.approx(279.46, abs=0.01)
     taken.add("", SAMPLE, sample("traffic", {**heard, "latitude_deg": 91.0}, 9_960_000), 0)
     assert taken.refused == 1
+
+
+def test_an_altitude_that_is_not_of_the_time_of_the_position_is_left_out() -> None:
+    given: list[ThingState] = []
+    taken = tracks(given)
+    taken.add("", SAMPLE, {**sample("heli-altitude", {"altitude_m": 60.0}, 5_000_000), "covariance": [[4.0]]}, 0)
+    for valid_us in (8_000_000, 8_000_001):
+        at = {"latitude_deg": 58.0, "longitude_deg": 15.0}
+        taken.add("", SAMPLE, {**sample("heli-position", at, valid_us), "covariance": [[1e-10, 0.0], [0.0, 1e-10]]}, 0)
+        taken._given.clear()
+        taken.on_time()
+    assert [(each.altitude_m, each.altitude_sd_m) for each in given] == [(60.0, 2.0), (None, None)]
+    assert given[0].horizontal_sd_m == pytest.approx(1.11, abs=0.01)
 
 
 @pytest.mark.parametrize(
@@ -177,6 +193,6 @@ def test_values_that_lie_outside_the_earth_or_are_of_another_form_are_left_out_a
 
 def test_one_that_tells_of_many_things_has_no_more_than_there_is_room_for() -> None:
     taken = tracks([])
-    for at in range(MOST_THINGS + 50):
+    for at in range(MOST["objects"] + 50):
         taken.add("", SAMPLE, sample("object-tracks", {"symbol": str(at), "x_m": 0.0, "y_m": 0.0}, 9_000_000 + at), 0)
-    assert len(taken._tracks) == MOST_THINGS
+    assert len(taken._picture.section("objects")) == MOST["objects"]

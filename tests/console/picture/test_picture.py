@@ -7,10 +7,10 @@ from typing import Any
 from hypothesis import given
 from hypothesis import strategies as st
 
-from console.web.differences import Sections, difference
+from console.picture.differences import Sections, difference
+from console.picture.measures import close_pairs
+from console.picture.picture import MOST_OTHERS, SECTIONS, Picture
 from console.web.feeds import RecordedFeed, RecordingViewer
-from console.web.measures import close_pairs
-from console.web.picture import MOST_OTHERS, SECTIONS, Picture
 from runtime.recordings import foxglove
 from runtime.recordings import recording_file as kinds
 from runtime.recordings.recorded import FederationRecording

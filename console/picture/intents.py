@@ -8,8 +8,8 @@ from collections.abc import Mapping
 from typing import Any, Final
 
 from agents.capabilities.separation.records import intent_of
-from console.web.differences import Row
-from console.web.rows import text
+from console.picture.differences import Row
+from console.picture.rows import text
 from dyknow.model.sample import Sample
 from federation.messages.acts import Act, Performative
 from navigation.intents.intent import IntendedPlace

@@ -6,7 +6,7 @@ from collections.abc import Mapping
 from dataclasses import dataclass, field
 from typing import Final
 
-from console.web.differences import Row
+from console.picture.differences import Row
 from navigation.geodesy import metres_per_degree
 
 CLOSE_M, CLOSE_ABOVE_M = 60.0, 30.0

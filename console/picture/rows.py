@@ -5,7 +5,7 @@ from collections.abc import Mapping, Sequence
 from typing import Any, Final
 
 from console.output.shown import printable
-from console.web.differences import Row
+from console.picture.differences import Row
 from dyknow.model.errors import DyknowError, TextError
 from federation.messages.acts import Act, parse_act
 from federation.messages.contents.parts import read
@@ -50,6 +50,15 @@ def place(value: object) -> list[float] | None:
     """Latitude and longitude in degrees; None where there is no such place."""
     found = numbers(value, _PLACES[:2])
     return found if found is not None and abs(found[0]) <= 90 and abs(found[1]) <= 180 else None
+
+
+def deviation(covariance: Any, at: int, scale: float = 1.0) -> float | None:
+    """The standard deviation of the field at `at`, times `scale`; None if the matrix does not have it."""
+    match covariance:
+        case [*lines] if at < len(lines) and isinstance(lines[at], list | tuple) and at < len(lines[at]):
+            variance = number(lines[at][at])
+            return None if variance is None else rounded(math.sqrt(max(0.0, variance)) * scale)
+    return None
 
 
 def corner(value: object) -> list[float] | None:

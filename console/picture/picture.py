@@ -10,11 +10,11 @@ from collections.abc import Mapping, Sequence
 from dataclasses import dataclass, field
 from typing import Any, Final
 
-from console.web import rows
-from console.web.differences import Row, Sections
-from console.web.intents import agreed_meetings, intent_row, meeting_row
-from console.web.measures import Curves, close_pairs
-from console.web.rows import number, text
+from console.picture import rows
+from console.picture.differences import Row, Sections
+from console.picture.intents import agreed_meetings, intent_row, meeting_row
+from console.picture.measures import Curves, close_pairs
+from console.picture.rows import number, text
 from federation.messages.acts import Act
 from navigation.geodesy import metres_per_degree
 from runtime.recordings import foxglove
@@ -108,6 +108,10 @@ class Picture:
         self._sections["pairs"] = close_pairs(self._sections["platforms"], self._sections["pairs"])
         return {name: dict(rows) for name, rows in self._sections.items()}
 
+    def section(self, name: str) -> Mapping[str, Row]:
+        """The rows of one section as they are now."""
+        return self._sections[name]
+
     def trails(self) -> dict[str, list[list[float]]]:
         """Where platforms were in the last minute or more, a point a second."""
         return {
@@ -170,7 +174,7 @@ class Picture:
                 elif label == "object-identities":
                     self._on_identity(unit, value)
                 else:
-                    self._on_own(unit, label, valid_us, value)
+                    self._on_own(unit, label, valid_us, value, message.get("covariance"))
 
     def _count(self, unit: str, label: str, valid_us: int, at_us: int) -> None:
         name = f"{unit} {label}"
@@ -186,33 +190,34 @@ class Picture:
                 "streams", name, unit=unit, label=label, valid_us=valid_us, delay_us=stream.delay_us, rate=rate
             )
 
-    def _on_own(self, unit: str, label: str, valid_us: int, value: Mapping[str, Any]) -> None:
+    def _on_own(self, unit: str, label: str, valid_us: int, value: Mapping[str, Any], covariance: object) -> None:
         """A platform's statement about itself."""
         match label:
             case "heli-position":
                 if (where := rows.place(value)) is not None:
-                    state = (
-                        self._sections["platforms"].get(unit, {}).get("state", "alive")
-                    )  # records of encounters have none
-                    self._change("platforms", unit, at=where, valid_us=valid_us, state=state)
+                    before = self._sections["platforms"].get(unit, {})
+                    state = before.get("state", "alive")  # records of encounters have none
+                    sds = [
+                        rows.deviation(covariance, at, scale) for at, scale in enumerate(metres_per_degree(where[0]))
+                    ]
+                    sd = max((each for each in sds if each is not None), default=None)
+                    self._change("platforms", unit, at=where, valid_us=valid_us, state=state, sd=sd)
                     trail = self._trails.setdefault(unit, deque(maxlen=TRAIL_POINTS))
                     if not trail or valid_us - trail[-1][0] >= TRAIL_US:
                         trail.append((valid_us, where[0], where[1]))
             case "heli-velocity":
                 if (speeds := rows.numbers(value, ("north_m_s", "east_m_s", "down_m_s"))) is not None:
                     north, east, down = speeds
-                    heading = (
-                        {} if math.hypot(north, east) < _SLOW_M_S else {"course": _degrees(math.atan2(east, north))}
-                    )
-                    self._change(
-                        "platforms", unit, speed=round(math.hypot(north, east), 2), climb=round(-down, 2), **heading
-                    )
+                    speed, climb = round(math.hypot(north, east), 2), round(-down, 2)
+                    course = {} if speed < _SLOW_M_S else {"course": _degrees(math.atan2(east, north))}
+                    self._change("platforms", unit, speed=speed, climb=climb, speed_us=valid_us, **course)
             case "heli-attitude":
                 if (yaw := number(value.get("yaw_rad"))) is not None:
                     self._change("platforms", unit, heading=_degrees(yaw))
             case "heli-altitude" | "heli-height" | "battery" | "winch-load":
                 name, key = _FIGURES[label]
-                self._change("platforms", unit, **{key: rows.rounded(number(value.get(name)))})
+                figure, sd = rows.rounded(number(value.get(name))), rows.deviation(covariance, 0)
+                self._change("platforms", unit, **{key: figure, f"{key}_sd": sd, f"{key}_us": valid_us})
             case "intent":
                 row = intent_row(value, valid_us, self._sections["intents"].get(unit))
                 self._remove("intents", unit) if row is None else self._put("intents", unit, row)
@@ -335,13 +340,9 @@ class Picture:
 
     def _on_task(self, message: Mapping[str, Any]) -> None:
         if isinstance(message.get("conversation"), str):
-            said = rows.fields(message, ("task", "unit", "state", "delegator", "ended_by", "conversation"))
-            row = {
-                **said,
-                "since_us": rows.instant(message.get("since_us")),
-                "monitors": rows.texts(message.get("monitors")),
-            }
-            self._put("tasks", text(message["conversation"]), row)
+            row: dict[str, Any] = {"since_us": rows.instant(message.get("since_us"))}
+            row |= rows.fields(message, ("task", "unit", "state", "delegator", "ended_by", "conversation"))
+            self._put("tasks", text(message["conversation"]), {**row, "monitors": rows.texts(message.get("monitors"))})
 
     def _on_missions(self, message: Mapping[str, Any]) -> None:
         by = text(message.get("by", ""))

@@ -1,0 +1,10 @@
+from agents.config import PlatformConfig as PlatformConfig
+from compunits.registry import catalogue as catalogue
+from federation.messages.dialogue import Dialogue as Dialogue
+from federation.sharing.ontology import default_ontology as default_ontology
+from sim_uavs.dynamics.settings import HomePlace as HomePlace
+from sim_uavs.dynamics.settings import VehicleConfig as VehicleConfig
+from sim_uavs.dynamics.vehicles import SimulatedVehicle as SimulatedVehicle
+from sim_uavs.world.sessions import SessionLink as SessionLink
+from sim_uavs.world.units import WorldNode as WorldNode
+from sim_uavs.world.world import World as World
