@@ -1,4 +1,4 @@
-"""The parts of a platform: those that each has are listed here; the others are of capabilities and extensions.
+"""The parts of a platform: the parts of all platforms are listed here; capabilities and extensions bring the others.
 
 Parts are stepped by time, by peers and by alarms in this order: producers of samples, exchange of samples,
 conversations, reactions to peers and alarms; the directory comes last, since a platform comes into the federation when

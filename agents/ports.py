@@ -81,7 +81,7 @@ class Ports:
         above: the services of parts for others that are built before them.
         origins: further origins of places on the ground, as the home of a vehicle, once it is known.
         moved: called after each estimate of where the vehicle is, with the node clock.
-        annotators: add to an alarm of a monitor of this platform before all parts are told.
+        annotators: add to an alarm of a monitor of this platform before all parts get it.
         call: calls for a stream that its specification declares: semantic label, label here, policy; returns how to end it.
     """
 

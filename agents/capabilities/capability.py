@@ -133,7 +133,7 @@ def parts_of(stage: Stage, config: "PlatformConfig") -> "list[type[Part]]":
 
 
 def all_parts() -> "Iterable[type[Part]]":
-    """The parts of all capabilities, whoever has them."""
+    """The parts of all capabilities, whichever platforms have them."""
     return (part for capability in found().values() for group in capability.groups for part in group.load())
 
 

@@ -1,14 +1,15 @@
-"""Which members may be linked, by certificate: one link is closed without disturbing the others, again whenever it is made again.
+"""The members that may be linked, by certificate: one link is closed without disturbing the others, as often as needed.
 
-Zenoh reads its rules when a session is opened and closes no single link. It says of each link what certificate the other
-side has shown; the socket of one whose certificate the roster does not admit is shut down, and Zenoh drops the link. So are the
-oldest of more links with one certificate than a member may have, or it would take the places of all others: a member that lost its
-link is linked again at once, though the dead one is listed still.
-The gate looks when a transport is made, and Zenoh waits for it before it sends anything but the handshake. It looks twice a
-second besides, for links that were there when the roster changed.
+Zenoh reads its rules when a session is opened and closes no single link. It says of each link what certificate the
+other side has shown; the socket of one whose certificate the roster does not admit is shut down, and Zenoh drops the
+link. So are the oldest of more links with one certificate than a member may have, or it would take the places of all
+others: a member that lost its link is linked again at once, though the dead one is listed still. The gate looks when
+a transport is made, and Zenoh waits for it before it sends anything but the handshake. It looks twice a second
+besides, for links that were there when the roster changed.
 
-Of a peer that dials again while its last transport ends Zenoh tells the link alone, when it routes to it already. So nothing is put
-until such an end is over, which takes 2 ms; those who dial without end may delay what is put, by half of the time, not hold it up.
+Of a peer that dials again while its last transport ends Zenoh tells the link alone, when it routes to it already. So
+nothing is put until such an end is over, which takes 2 ms; members that dial without end may delay puts, by half of
+the time, not hold them up.
 """
 
 import contextlib
@@ -124,7 +125,7 @@ class LinkGate:
         return {str(link.zid) for link in links if not self.on_link(link)}
 
     def on_link(self, link: Any) -> bool:
-        """A link is there; whether it stays: while its certificate is admitted, and it is not the oldest of too many."""
+        """A link is there; whether it stays: its certificate is admitted, and it is not the oldest of too many."""
         name, ends = str(link.auth_identifier), _ends(link)
         member = self._admitted.get(link.auth_identifier)
         if member is None:

@@ -1,4 +1,4 @@
-"""Cameras look at objects that somebody asks for, and vehicles follow them."""
+"""Cameras look at requested objects, and vehicles follow them."""
 
 from agents.capabilities.attention.requests import ATTEND, FOLLOW, WANT
 from agents.capabilities.capability import Capability, Group, PartClasses, Stage, always, attends

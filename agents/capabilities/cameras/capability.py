@@ -1,4 +1,4 @@
-"""What a UAV with cameras sees: images become percepts on the ground."""
+"""A UAV with cameras looks: images become percepts on the ground."""
 
 from agents.capabilities.capability import Capability, Group, PartClasses, Stage, has_cameras
 
