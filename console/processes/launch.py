@@ -9,10 +9,11 @@ from typing import Any, NamedTuple
 from pydantic import ValidationError
 
 from console.command import Call
+from dyknow.documents.durations import SHORTEST_US, duration_us
 from dyknow.model.errors import TextError, WrongCall, did_you_mean
 from federation.keys import unit as unit_name
 from runtime.configuration import config
-from runtime.configuration.instants import SHORTEST_US, duration_us, instant_us
+from runtime.configuration.instants import instant_us
 from runtime.configuration.local_endpoints import free_ports, with_local_endpoint
 from runtime.configuration.reach import trust_files, wire_of
 from runtime.configuration.run_directory import run_directory

@@ -39,9 +39,10 @@ from console.processes.launch import (
     with_metrics,
 )
 from console.processes.supervision import Fleet, interruptible, outlasting, uninterrupted
+from dyknow.documents.durations import SHORTEST_US, duration_us
 from dyknow.model.errors import FederationFailed, WrongCall
 from runtime.configuration.config import ClockConfig, MavlinkVehicle, NodeConfig, NoVehicle, Vehicle
-from runtime.configuration.instants import SHORTEST_US, duration_us, instant_us
+from runtime.configuration.instants import instant_us
 from runtime.configuration.local_endpoints import noted_local
 from runtime.configuration.run_directory import JOINED, ProcessState, run_directory, this_process, write_state
 from runtime.configuration.settings import UnitFile

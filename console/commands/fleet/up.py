@@ -18,12 +18,12 @@ from console.processes.launch import FleetPlan, clock_of, fleet_of, specified, t
 from console.processes.scheduled import with_faults
 from console.processes.standing import forget, missing, note_state, running_units, started_units
 from console.processes.supervision import GRACE_S, Fleet, end, interruptible, outlasting, uninterrupted
+from dyknow.documents.durations import SHORTEST_US, duration_us
 from dyknow.model.errors import FederationFailed, Refused, TextError, WrongCall, did_you_mean
 from federation.members.clock import FederationClock
 from federation.members.directory import unit_order
 from runtime.configuration import run_directory
 from runtime.configuration.config import NodeConfig, SimulatedVehicleConfig
-from runtime.configuration.instants import SHORTEST_US, duration_us
 from runtime.configuration.settings import Persona, UnitFile
 
 READY_S = 60.0

@@ -22,11 +22,11 @@ from console.commands.outward.passing import (
 )
 from console.errors import DONE, INTERRUPTED
 from console.processes.supervision import interruptible
+from dyknow.documents.durations import SHORTEST_US, duration_us
 from dyknow.model.errors import WrongCall
 from proxies.outward.cot import ALARM, UAV, UNKNOWN_AIR, UNKNOWN_GROUND, CotMotion, CotPoint, cot_event
 from proxies.outward.outlets import Outlet, parse_destination
 from runtime.client import Client
-from runtime.configuration.instants import SHORTEST_US, duration_us
 from runtime.recorder.things import AIRCRAFT, PLATFORM_LABELS, AlarmEdge, ThingState, ThingStates
 
 

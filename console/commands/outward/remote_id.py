@@ -19,10 +19,10 @@ from console.commands.outward.passing import (
 )
 from console.errors import DONE, INTERRUPTED
 from console.processes.supervision import interruptible
+from dyknow.documents.durations import SHORTEST_US, duration_us
 from dyknow.model.errors import WrongCall
 from proxies.outward.outlets import Outlet, parse_destination
 from proxies.outward.remote_id import RemoteIdMessages, RemoteIdState, check_serial
-from runtime.configuration.instants import SHORTEST_US, duration_us
 from runtime.recorder.things import PLATFORM_LABELS, ThingState, ThingStates
 
 

@@ -16,12 +16,13 @@ from console.output.output import counted, unit_json
 from console.output.shown import line, styled
 from console.processes.launch import platform_config
 from console.processes.supervision import Fleet, interruptible, outlasting, uninterrupted
+from dyknow.documents.durations import duration_us
 from dyknow.model.errors import FederationFailed, NothingFound, WrongCall
 from dyknow.model.instants import print_span
 from federation.members.clock import FederationClock
 from federation.members.directory import unit_order
 from runtime.configuration.config import ClockConfig, NodeConfig, RecordedVehicle
-from runtime.configuration.instants import clock_time, duration_us
+from runtime.configuration.instants import clock_time
 from runtime.configuration.run_directory import JOINED, ProcessState, run_directory, this_process, write_state
 from runtime.recordings.playback import shift_us
 from runtime.recordings.recorded import FederationRecording

@@ -19,10 +19,10 @@ from console.commands.texts.specification_files import instance_of, read_samples
 from console.errors import DONE, INTERRUPTED
 from console.output.shown import line, styled
 from dyknow import earlier
+from dyknow.documents.durations import SHORTEST_US, duration_us
 from dyknow.model.errors import DyknowError, TextErrors, WrongCall
 from proxies.files.named_files import beside
 from proxies.files.watched_file import WatchedFiles
-from runtime.configuration.instants import SHORTEST_US, duration_us
 
 if TYPE_CHECKING:
     from agents.effects import Computed
