@@ -7,6 +7,7 @@ none is taken by its position. A vehicle that is silent in the air is an alarm. 
 from collections.abc import Iterable
 from typing import Final
 
+from agents.capabilities.flight.options import AvoidanceOptions
 from agents.capabilities.flight.peer_fixes import fix_of
 from agents.capabilities.flight.pilot import Pilot
 from agents.capabilities.separation.conformance import Conformance
@@ -65,7 +66,7 @@ class Neighbourhood(Part):
         self._noted = set[tuple[str, str]]()
         self._has_vehicle = ports.config.vehicle
         self.others = Neighbours()
-        self.own = OwnIntent(parts[Pilot.of], may_avoid=ports.may_avoid)
+        self.own = OwnIntent(parts[Pilot.of], may_avoid=ports.config.options[AvoidanceOptions].avoidance)
         self.manoeuvre: tuple[IntendedPlace, ...] | None = None
         self.manoeuvre_m_s: float | None = None
         self.cannot = False

@@ -7,14 +7,16 @@ from typing import Annotated, Any
 
 import typer
 
-from console.arguments import Admit, Avoidance, Duration, Feed, Govern, Metrics, Roads, Speed, UnitModules
+from agents.capabilities.flight.options import FlightOptions
+from agents.specification.options import RunOptions, SpecificationOptions
+from console.arguments import Duration, Metrics, Speed
 from console.command import Call, command
 from console.commands.members.ls import ls
 from console.commands.texts.specification_files import check_specified
 from console.errors import DONE, FAILED, INTERRUPTED, NO
 from console.output.output import unit_json
 from console.output.shown import line, styled
-from console.processes.launch import FleetPlan, clock_of, fleet_of, specified, together, with_metrics
+from console.processes.launch import FleetPlan, clock_of, fleet_of, together, with_metrics
 from console.processes.scheduled import with_faults
 from console.processes.standing import forget, missing, note_state, running_units, started_units
 from console.processes.supervision import GRACE_S, Fleet, end, interruptible, outlasting, uninterrupted
@@ -24,7 +26,7 @@ from federation.members.clock import FederationClock
 from federation.members.directory import unit_order
 from runtime.configuration import run_directory
 from runtime.configuration.config import NodeConfig, SimulatedVehicleConfig
-from runtime.configuration.settings import Persona, UnitFile
+from runtime.configuration.settings import UnitFile
 
 READY_S = 60.0
 _LEAD_US = 3_000_000
@@ -109,11 +111,13 @@ def up(
     ] = "patrol",
     seed: Annotated[int, typer.Option(metavar="K", min=0, help="Wind, noise and routes follow from it.")] = 1,
     duration: Duration = None,
-    gcs: Annotated[
-        str | None, typer.Option(metavar="HOST:PORT", help="Every autopilot also speaks MAVLink to this UDP port.")
+    spec: Annotated[
+        Path | None,
+        typer.Option(
+            metavar="FILE.kpl", help="The specification of each platform: its streams, exports, imports and monitors."
+        ),
     ] = None,
-    persona: Annotated[Persona, typer.Option(help="Whose MAVLink dialect the autopilots speak.")] = "ardupilot",
-    avoidance: Avoidance = True,
+    each: UnitFile,
     speed: Speed = 1.0,
     fault: Annotated[
         list[str] | None,
@@ -127,17 +131,6 @@ def up(
         list[str] | None,
         typer.Option(metavar="U", help="Start only this one here; the others run elsewhere (repeatable)."),
     ] = None,
-    spec: Annotated[
-        Path | None,
-        typer.Option(
-            metavar="FILE.kpl", help="The specification of each platform: its streams, exports, imports and monitors."
-        ),
-    ] = None,
-    modules: UnitModules = None,
-    feed: Feed = None,
-    roads: Roads = None,
-    govern: Govern = None,
-    admit: Admit = "refuse",
     metrics: Metrics = None,
 ) -> int:
     """Start simulated UAVs, one process each, and wait until they have found each other.
@@ -145,19 +138,10 @@ def up(
     Over the streets of the scenario traffic, without --spec, each links cars and recognises their turns.
     Where some of them run already, those that are missing are started, one that has died as it was before.
     """
-    own = default_specification(scenario) if spec is None else None
-    each = UnitFile(
-        spec=spec if own is None else own.spec,
-        modules=(*(modules or ()), *(() if own is None else own.modules)),
-        feed=feed,
-        roads=roads,
-        govern=govern,
-        admit=admit,
-        floor_m=_FLOORS_M.get(scenario),
-    )
-    for own in (each, *call.settings.by_unit.values()):
-        check_specified(specified(own, each))
-    plan = FleetPlan(units, scenario, seed, persona, gcs, avoidance, speed, tuple(only or ()), each=each)
+    each = _with_specification(each, spec, scenario)
+    for own in (each, *(own.over(each) for own in call.settings.by_unit.values())):
+        check_specified(own)
+    plan = FleetPlan(units, scenario, seed, speed, tuple(only or ()), each=each)
     directory = run_directory.run_directory(call.settings.federation)
     present = sorted(running_units(directory), key=unit_order)
     faulty = with_faults(planned(call, plan, duration), fault or (), fault_seed)
@@ -172,12 +156,19 @@ def up(
     return _run(call, fleet, configs, present, detach=detach)
 
 
-def default_specification(scenario: str) -> UnitFile | None:
-    """The ready specification of a scenario, for platforms that are given no other; None: there is none."""
+def _with_specification(each: UnitFile, spec: Path | None, scenario: str) -> UnitFile:
+    """The options of each platform with the specification that was given, else the ready one of the scenario, if any."""
     from sim_uavs.monitoring.specifications import READY
 
+    if scenario in _FLOORS_M:
+        each = each.having(FlightOptions(floor_m=_FLOORS_M[scenario]))
     ready = READY.get(scenario)
-    return None if ready is None else UnitFile(spec=ready.file, modules=ready.modules)
+    if spec is not None:
+        return each.having(SpecificationOptions(spec=spec))
+    if ready is None:
+        return each
+    modules = (*each[RunOptions].modules, *ready.modules)
+    return each.having(SpecificationOptions(spec=ready.file), RunOptions(modules=modules))
 
 
 def _run(call: Call, fleet: Fleet, configs: list[NodeConfig], present: list[str], *, detach: bool) -> int:
@@ -239,7 +230,7 @@ def _checked_scenario(name: str, simulated: int) -> None:
 
 def gathered(call: Call, fleet: Fleet, configs: list[NodeConfig], present: Iterable[str] = ()) -> FleetStart:
     """Start them and wait until each has found all others, those `present` included; raises FederationFailed."""
-    reading = [config.unit for config in configs if config.spec is not None]
+    reading = [config.unit for config in configs if config[SpecificationOptions].spec is not None]
     gathering = FleetStart([config.unit for config in configs], present, reading)
     for group in together(configs):
         fleet.start_together({config.unit: config.model_dump_json() for config in group})
