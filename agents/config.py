@@ -25,8 +25,7 @@ class PlatformConfig:
         unit: its name in the federation.
         boot: which life of it this is: the node clock at its beginning, in milliseconds; greater in each later one.
         zid: identity of its session, for tokens.
-        options: those of its parts, by model: `options[SheddingOptions]`. What follows from the files that they name is in the
-            other fields.
+        options: those of its parts, by model: `options[SheddingOptions]`; the files that they name are read into other fields.
         vehicle: whether it has one, and so labels to offer.
         cameras: those that its vehicle carries, if their images are reported.
         simulated: whether faults can be injected.

@@ -2,8 +2,8 @@
 
 From that field follow its key in a federation's file (`[unit.U]`), its flag and its help, its variable, its field in the
 configuration of a process, and the value that the part gets: `ports.config.options[SheddingOptions].shedding`. Texts are
-read once, where they enter: durations become microseconds, paths absolute. The folder of a capability has its models in `OPTIONS`
-of its `options.py`, which imports no parts, so that each command can list them.
+read once, where they enter: durations become microseconds, paths absolute. A folder of parts, such as that of a capability,
+has its models in `OPTIONS` of its `options.py`, which imports no parts, so that each command can list them.
 """
 
 from collections.abc import Callable, Iterable, Iterator

@@ -17,8 +17,8 @@ from runtime.configuration.toml import wrong_values
 class Declared:
     """The parameters of a command.
 
-    A parameter that is a model of options stands for a flag for each field. If the command declares a parameter of the name
-    of a field itself, that one stands in its place, and the field has its default.
+    A parameter that is a model of options stands for a flag for each field. If the command declares a parameter of the same
+    name itself, that one stands in its place, and the field has its default.
 
     Attributes:
         own: the names of the parameters that are no models.

@@ -19,9 +19,8 @@ def duration_us(text: str, *, option: str, least_us: int = 0) -> int:
     try:
         duration = parse_duration(given)
     except TextError as wrong:
-        raise WrongCall(
-            f"{option}: {wrong.message}; write a number and a unit, as in 200ms, 5s, 1.5min (units: {', '.join(US_PER_UNIT)})."
-        ) from None
+        remedy = f"write a number and a unit, as in 200ms, 5s, 1.5min (units: {', '.join(US_PER_UNIT)})"
+        raise WrongCall(f"{option}: {wrong.message}; {remedy}.") from None
     if given[-1].isdigit():
         raise WrongCall(f"{option}: {text!r} has no unit; say {given}ms or {given}s.")
     if duration < least_us:

@@ -157,7 +157,7 @@ def up(
 
 
 def _with_specification(each: UnitFile, spec: Path | None, scenario: str) -> UnitFile:
-    """The options of each platform with the specification that was given, else the ready one of the scenario, if any."""
+    """The options with the specification that was given, else with the ready one of the scenario, if any."""
     from sim_uavs.monitoring.specifications import READY
 
     if scenario in _FLOORS_M:
