@@ -3,7 +3,7 @@
 import time
 from collections.abc import Iterable
 from pathlib import Path
-from typing import Annotated, Any
+from typing import Annotated, Any, TypeAlias
 
 import typer
 
@@ -96,41 +96,50 @@ def _scenarios() -> list[str]:
     return list(NAMES)
 
 
+Scenario: TypeAlias = Annotated[
+    str,
+    typer.Option(
+        metavar="NAME",
+        help="crossing, emergency, encounter, hover, logistics, patrol, swarm or traffic.",
+        autocompletion=_scenarios,
+    ),
+]
+Seed: TypeAlias = Annotated[int, typer.Option(metavar="K", min=0, help="Wind, noise and routes follow from it.")]
+Faults: TypeAlias = Annotated[
+    list[str] | None,
+    typer.Option(metavar="FAULT", help="A fault that begins by itself: '0 dropped-box at load+4s' (repeatable)."),
+]
+FaultSeed: TypeAlias = Annotated[int | None, typer.Option(metavar="K", min=0, help="A fault for each, drawn from K.")]
+Detach: TypeAlias = Annotated[
+    bool, typer.Option("--detach", "-d", help="Return when all are ready; end them with down.")
+]
+Only: TypeAlias = Annotated[
+    list[str] | None,
+    typer.Option(metavar="U", help="Start only this one here; the others run elsewhere (repeatable)."),
+]
+SpecificationOfEach: TypeAlias = Annotated[
+    Path | None,
+    typer.Option(
+        metavar="FILE.kpl", help="The specification of each platform: its streams, exports, imports and monitors."
+    ),
+]
+
+
 @command(example="dyknow up 3 --scenario crossing --detach")
 def up(
     call: Call,
     units: Annotated[int, typer.Argument(metavar="[N]", min=1, max=250, help="How many UAVs.")] = 3,
     *,
-    scenario: Annotated[
-        str,
-        typer.Option(
-            metavar="NAME",
-            help="crossing, emergency, encounter, hover, logistics, patrol, swarm or traffic.",
-            autocompletion=_scenarios,
-        ),
-    ] = "patrol",
-    seed: Annotated[int, typer.Option(metavar="K", min=0, help="Wind, noise and routes follow from it.")] = 1,
+    scenario: Scenario = "patrol",
+    seed: Seed = 1,
     duration: Duration = None,
-    spec: Annotated[
-        Path | None,
-        typer.Option(
-            metavar="FILE.kpl", help="The specification of each platform: its streams, exports, imports and monitors."
-        ),
-    ] = None,
+    spec: SpecificationOfEach = None,
     each: UnitFile,
     speed: Speed = 1.0,
-    fault: Annotated[
-        list[str] | None,
-        typer.Option(metavar="FAULT", help="A fault that begins by itself: '0 dropped-box at load+4s' (repeatable)."),
-    ] = None,
-    fault_seed: Annotated[int | None, typer.Option(metavar="K", min=0, help="A fault for each, drawn from K.")] = None,
-    detach: Annotated[
-        bool, typer.Option("--detach", "-d", help="Return when all are ready; end them with down.")
-    ] = False,
-    only: Annotated[
-        list[str] | None,
-        typer.Option(metavar="U", help="Start only this one here; the others run elsewhere (repeatable)."),
-    ] = None,
+    fault: Faults = None,
+    fault_seed: FaultSeed = None,
+    detach: Detach = False,
+    only: Only = None,
     metrics: Metrics = None,
 ) -> int:
     """Start simulated UAVs, one process each, and wait until they have found each other.

@@ -127,9 +127,9 @@ def test_journals_with_the_duration_in_milliseconds_are_read() -> None:
 
 @pytest.mark.parametrize("text", ["5", "0s", "fast", "1us"])
 def test_a_duration_that_is_none_names_the_option_as_it_was_written(text: str) -> None:
-    with pytest.raises(WrongCall, match="^govern: "):
+    with pytest.raises(WrongCall, match=r"^govern: "):
         UnitFile.model_validate({"govern": text})
-    with pytest.raises(WrongCall, match="^--govern: "):
+    with pytest.raises(WrongCall, match=r"^--govern: "):
         UnitFile.model_validate({"govern": text}, context={FLAGS: True})
 
 
