@@ -44,7 +44,7 @@ FLAGS: Final = "flags"
 class Strict(BaseModel):
     """Unknown keys are errors: a misspelt option must not be ignored."""
 
-    model_config = ConfigDict(extra="forbid", frozen=True, populate_by_name=True)
+    model_config = ConfigDict(extra="forbid", frozen=True, populate_by_name=True, defer_build=True)
 
 
 class Options(Strict):
@@ -137,12 +137,12 @@ class OptionsTable(Strict):
         return model.model_construct(self.model_fields_set & values.keys(), **values)
 
     def having(self, *options: Options) -> Self:
-        """The table with what is set in these options."""
+        """The table with the values that are set in these options."""
         fields = {name: getattr(each, name) for each in options for name in each.model_fields_set}
         return self.model_copy(update=fields)
 
     def texts(self, models: Iterable[type[Options]]) -> dict[str, Any]:
-        """What is set of the options of these models, as JSON has it."""
+        """The values that are set of the options of these models, as JSON has them."""
         fields = {name for model in models for name in model.model_fields}
         return self.model_dump(mode="json", exclude_unset=True, include=fields)
 

@@ -10,9 +10,9 @@ from typing import Final
 from agents.capabilities.flight.options import AvoidanceOptions
 from agents.capabilities.flight.peer_fixes import fix_of
 from agents.capabilities.flight.pilot import Pilot
-from agents.capabilities.separation.conformance import Conformance
 from agents.capabilities.separation.neighbours import Neighbour, Neighbours
-from agents.capabilities.separation.own_intent import OwnIntent
+from agents.capabilities.separation.own.conformance import Conformance
+from agents.capabilities.separation.own.own_intent import OwnIntent
 from agents.capabilities.separation.records import INTENT, intent_of, intent_value
 from agents.capabilities.traffic.traffic import Traffic
 from agents.exchange.gateway import Gateway
