@@ -2,8 +2,8 @@
 
 from collections.abc import Callable, Mapping
 from dataclasses import dataclass, field
-from typing import Literal
 
+from agents.options import Chosen
 from agents.part import Part
 from agents.places import FlightLimits, FlightPlan
 from anchoring.roads.network import RoadNetwork
@@ -25,6 +25,7 @@ class PlatformConfig:
         unit: its name in the federation.
         boot: which life of it this is: the node clock at its beginning, in milliseconds; greater in each later one.
         zid: identity of its session, for tokens.
+        options: those of its parts, by model: `options[SheddingOptions]`; the files that they name are read into other fields.
         vehicle: whether it has one, and so labels to offer.
         cameras: the cameras of its vehicle, if their images are reported.
         simulated: whether faults can be injected.
@@ -38,24 +39,20 @@ class PlatformConfig:
         stopwatch: federation time as it is within a step, by which it is known how long units take, and which are
             called in workers; None: time is simulated.
         monotonic_offset_us: its node clock minus the monotonic clock of the machine, which hosts have, too.
-        admission: policy for declarations that exceed the platform's computing time.
         extensions: classes of parts that it has besides its own; see `agents.extensions`.
         contained: whether what a part raises ends that act or step only; a simulated world may want it raised.
-        encounters: whether it keeps a record of each encounter.
-        govern_us: while delays are longer than this the least important streams suffer; None: no governor.
     """
 
     unit: str
     boot: int
     zid: str = ""
     clock: FederationClock = field(default_factory=FederationClock)
+    options: Chosen = field(default_factory=Chosen)
     vehicle: bool = True
     cameras: CameraRig | None = None
     simulated: bool = False
     control: bool = False
     missions: bool = False
-    avoidance: bool = True
-    shedding: bool = True
     period_us: int = 100_000
     plan: FlightPlan | None = None
     limits: FlightLimits = field(default_factory=FlightLimits)
@@ -71,9 +68,6 @@ class PlatformConfig:
     monotonic_offset_us: int = 0
     extensions: tuple[type[Part], ...] = ()
     contained: bool = True
-    govern_us: int | None = None
-    encounters: bool = False
-    admission: Literal["refuse", "longer"] = "refuse"
     acts_per_s: float = ACTS_PER_S
     acts_burst: float = ACTS_BURST
 

@@ -107,7 +107,7 @@ class Ports:
         config = self.config
         self.unit, self.boot, self.clock = config.unit, config.boot, config.clock
         self.ontology = config.ontology.copy()  # a specification adds to it
-        self.network, self.may_avoid = Network(), config.avoidance
+        self.network = Network()
         self.network.instant.contain = self.contain.stream_out_us
         above = self.above
         self.offer, self.offered, self.handling = above.offer, above.offered, above.handling

@@ -10,6 +10,7 @@ from typing import Final
 
 from agents.effects import Pressed
 from agents.exchange.export_proxy import ExportProxy
+from agents.exchange.options import SheddingOptions
 from agents.exchange.subscription_keeper import SubscriptionKeeper
 from agents.monitoring.monitors import UnitMonitors
 from agents.part import Part
@@ -42,7 +43,7 @@ class Shedding(Part):
     takes = {Pressed: "on_pressed"}  # noqa: RUF012  (a declaration)
 
     def __init__(self, ports: Ports, parts: PartRegistry) -> None:
-        self._may_shed = ports.config.shedding
+        self._may_shed = ports.config.options[SheddingOptions].shedding
         self._exporter, self._monitors = parts[ExportProxy.of], parts[UnitMonitors.of]
         self._keeper = parts[SubscriptionKeeper]
         self._directory, self._note, self._offer = ports.directory, ports.note, ports.offer

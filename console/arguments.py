@@ -5,6 +5,9 @@ from typing import Annotated, Literal, TypeAlias
 
 import typer
 
+from agents.specification.options import RunOptions
+from console.declared import flag_of
+
 Unit: TypeAlias = Annotated[str | None, typer.Option(metavar="U", help="One platform only.")]
 Follow: TypeAlias = Annotated[bool, typer.Option("--follow", "-f", help="Continue with new ones.")]
 Count: TypeAlias = Annotated[int | None, typer.Option(metavar="K", min=1, help="Stop after K lines.")]
@@ -14,34 +17,12 @@ Speed: TypeAlias = Annotated[
 Duration: TypeAlias = Annotated[
     str | None, typer.Option(metavar="TIME", help="End by itself after this long, e.g. 60s.")
 ]
-Avoidance: TypeAlias = Annotated[
-    bool, typer.Option("--avoidance/--no-avoidance", help="Whether UAVs may give way to each other.")
-]
 Label: TypeAlias = Annotated[str, typer.Argument(metavar="LABEL", help="A semantic label, e.g. heli-position.")]
 StreamLabel: TypeAlias = Annotated[
     str, typer.Argument(metavar="LABEL", help="A semantic label, or a platform's own for a stream: 'speed[self]'.")
 ]
-UnitModules: TypeAlias = Annotated[
-    list[str] | None,
-    typer.Option(
-        "--units", metavar="MODULE", help="A module or file.py with sources and computational units (repeatable)."
-    ),
-]
-Feed: TypeAlias = Annotated[
-    Path | None, typer.Option(metavar="FILE.jsonl", help="Samples of the specification's sources, one instant a line.")
-]
-Roads: TypeAlias = Annotated[
-    Path | None,
-    typer.Option(metavar="FILE", help="Roads on which linked objects are, where the specification names none."),
-]
-Govern: TypeAlias = Annotated[
-    str | None,
-    typer.Option(metavar="TIME", help="Lengthen the least important periods while delays are longer than this."),
-]
-Admit: TypeAlias = Annotated[
-    Literal["refuse", "longer"],
-    typer.Option(help="Declarations that there is no time for are refused, or served less often."),
-]
+UnitModules: TypeAlias = Annotated[list[str] | None, flag_of(RunOptions, "modules")]
+Roads: TypeAlias = Annotated[Path | None, flag_of(RunOptions, "roads")]
 LogLevel: TypeAlias = Annotated[
     Literal["debug", "info", "warning", "error"],
     typer.Option(help="The lowest level of events that are shown."),

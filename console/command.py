@@ -20,6 +20,7 @@ from console.output.shown import printable
 from dyknow.model.errors import DyknowError
 
 if TYPE_CHECKING:
+    from console.declared import Declared
     from runtime.configuration.settings import Settings
 
 PANEL = "Federation and output"
@@ -130,12 +131,15 @@ def loaded(where: str, name: str) -> Any:
     """The command that `module:function` declares, with the options of every command added."""
     module, _, attribute = where.partition(":")
     function: Callable[..., int] = getattr(import_module(module), attribute)
-    own = list(signature(function, eval_str=True).parameters.values())[1:]
+    from console.declared import Declared
+
+    declared = Declared(list(signature(function, eval_str=True).parameters.values())[1:], name)
 
     def run(context: typer.Context, **given: Any) -> None:
-        raise typer.Exit(_carried_out(function, context, given, [parameter.name for parameter in own]))
+        raise typer.Exit(_carried_out(function, context, given, declared))
 
-    parameters = [_CONTEXT, *(p.replace(kind=Parameter.KEYWORD_ONLY) for p in (*own, *_COMMON))]
+    shown = (*declared.parameters, *_COMMON)
+    parameters = [_CONTEXT, *(each.replace(kind=Parameter.KEYWORD_ONLY) for each in shown)]
     run.__doc__ = function.__doc__
     run.__signature__ = signature(run).replace(parameters=parameters)  # type: ignore[attr-defined]
     run.__annotations__ = {parameter.name: parameter.annotation for parameter in parameters}
@@ -181,7 +185,9 @@ _COMMON = list(signature(_common).parameters.values())
 _CONTEXT = Parameter("context", Parameter.POSITIONAL_OR_KEYWORD, annotation=typer.Context)
 
 
-def _carried_out(function: Callable[..., int], context: typer.Context, given: dict[str, Any], own: list[str]) -> int:
+def _carried_out(
+    function: Callable[..., int], context: typer.Context, given: dict[str, Any], declared: "Declared"
+) -> int:
     """Run the command; its errors become a sentence on standard error and an exit code."""
     from pydantic import ValidationError
 
@@ -193,10 +199,11 @@ def _carried_out(function: Callable[..., int], context: typer.Context, given: di
         settings = load(flags, config)
         if settings.extensions:
             search_working_directory()
-        chosen = {name: given[name] for name in own}
-        for name in own:
+        chosen = {name: given[name] for name in declared.own}
+        for name in declared.own:
             if name in Settings.model_fields and (value := getattr(settings, name)) is not None:
                 chosen[name] = value
+        chosen |= declared.read({name: value for name, value in given.items() if _flagged(context, name)})
         return function(Call(settings, Output(json_lines=settings.json_lines)), **chosen)
     except DyknowError as error:
         sys.stderr.write(f"{context.command_path}: {printable(str(error))}\n")

@@ -14,6 +14,7 @@ from queue import Empty
 from typing import TYPE_CHECKING, Any
 
 from agents.capabilities.flight.flight import FlightAgent
+from agents.capabilities.separation.options import EncounterOptions
 from agents.directory.directory import DirectoryAgent
 from agents.effects import (
     Compute,
@@ -34,6 +35,7 @@ from agents.effects import (
 )  # fmt: skip
 from agents.monitoring.monitor_plans import PlanBook
 from agents.platform import Platform
+from agents.specification.options import RunOptions, SpecificationOptions
 from dyknow.model.errors import DecodeError, DyknowError, EndpointFailed, RosterError
 from federation.members.clock import FederationClock
 from federation.messages import contents
@@ -165,7 +167,7 @@ class PlatformProcess:
             monotonic_offset_us=self.clock.monotonic_offset_us,
             **self._vehicle.settings,
         )
-        check_place(self.config.roads, config.roads, config.cameras)
+        check_place(self.config[RunOptions].roads, config.roads, config.cameras)
         platform = self._platform = Platform(config, started_us)
         if self.config.metrics is not None:
             from runtime.metrics import metrics_of
@@ -245,12 +247,10 @@ class PlatformProcess:
 
     def _specification(self) -> Specified | None:
         """The platform's specification; its times are those of the clock as it is now."""
-        config, clock = self.config, self._federation_clock
-        if config.spec is None:
+        file, feed, clock = self.config[SpecificationOptions].spec, self.config[RunOptions].feed, self._federation_clock
+        if file is None:
             return None
-        return Specified(
-            config.spec, config.feed, self.mailbox.post, self._note, self.clock.now_us, clock.federation_us
-        )
+        return Specified(file, feed, self.mailbox.post, self._note, self.clock.now_us, clock.federation_us)
 
     def _journalled(self, platform: Platform, path: Path) -> SteppedNode[Event, Any]:
         from runtime.journal.journal import Journal
@@ -329,11 +329,11 @@ class PlatformProcess:
             if self._door is not None:
                 self._door.perform(effect)
         elif kind is Keep:
-            keep(self.config.learnt, self.config.unit, effect, self._note)
+            keep(self.config[SpecificationOptions].learnt, self.config.unit, effect, self._note)
         elif kind is KeepEncounter:
             from runtime.recordings.encounter_files import keep_encounter
 
-            keep_encounter(self.config.encounters, self.config.unit, effect, self._note)
+            keep_encounter(self.config[EncounterOptions].encounters, self.config.unit, effect, self._note)
         elif kind is Tell:
             self._say({**effect.record, "unit": self.config.unit})
         elif kind is Halt:
@@ -371,7 +371,7 @@ class PlatformProcess:
     def _tell_waiting(self) -> None:
         """Report to the governor how busy this process is."""
         now_us = self.clock.now_us()
-        if self.config.govern_ms is not None and now_us >= self._weighed_us + WEIGH_US:
+        if self.config[RunOptions].govern_us is not None and now_us >= self._weighed_us + WEIGH_US:
             self._weighed_us = now_us
             self.mailbox.post(Waited(now_us, self.mailbox.waited_us))
 

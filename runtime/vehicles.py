@@ -11,6 +11,7 @@ from functools import partial
 from importlib import import_module
 from typing import TYPE_CHECKING, Any, NamedTuple, Protocol
 
+from agents.capabilities.flight.options import FlightOptions
 from agents.effects import InjectFault
 from agents.places import FlightLimits
 from dyknow.model.errors import Refused, UnitError
@@ -98,13 +99,13 @@ class VehiclePorts(NamedTuple):
 
     def limits(self) -> FlightLimits:
         """Floor, ceiling and range of commanded flight, and the ground below; raises WrongCall for a file that is none."""
-        config, elevation = self.config, None
-        if config.elevation is not None:
+        options, elevation = self.config[FlightOptions], None
+        if options.elevation is not None:
             from runtime.configuration.elevation_files import read_elevation
 
-            elevation = read_elevation(config.elevation)
-            self.note(f"the floor of {config.floor_m:.0f} m is above the ground, too: {elevation}")
-        return FlightLimits(config.floor_m, config.ceiling_m, config.range_m, elevation)
+            elevation = read_elevation(options.elevation)
+            self.note(f"the floor of {options.floor_m:.0f} m is above the ground, too: {elevation}")
+        return FlightLimits(options.floor_m, options.ceiling_m, options.range_m, elevation)
 
     def now_us(self) -> int:
         """Federation time."""

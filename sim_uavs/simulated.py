@@ -4,6 +4,7 @@ from dataclasses import replace
 from typing import Any
 
 from agents.effects import InjectFault
+from agents.specification.options import RunOptions
 from dyknow.model.errors import Refused
 from proxies.mavlink.feed import MavlinkFeed
 from runtime.configuration.config import SimulatedVehicleConfig
@@ -38,7 +39,7 @@ def simulated(table: SimulatedVehicleConfig, ports: VehiclePorts) -> Vehicle:
 
         carried, settings["cameras"] = carried_over(situation, unit, table.seed)
         flown = replace(flown, has_mount=True)
-        if ports.config.roads is None:
+        if ports.config[RunOptions].roads is None:
             settings["roads"] = network_of(roads_of(situation))
     if situation.depot is not None:
         from sim_uavs.depot import at_work, loader

@@ -1,7 +1,8 @@
 """A capability of a UAV: a folder in `agents/capabilities` whose `capability.py` makes one `Capability`.
 
-That module imports no parts: they are imported by the platforms that have them. The folder is all that a new one needs,
-besides its contents (`federation.messages.contents`) and its command.
+That module imports no parts: they are imported by the platforms that have them. Its options are in its `options.py`
+(`agents.options`), from where each command lists them. The folder is all that a new one needs, besides its contents
+(`federation.messages.contents`) and its command.
 """
 
 from collections.abc import Callable, Iterable, Mapping, Sequence

@@ -23,6 +23,7 @@ from agents.monitoring.unit_monitoring import UnitMonitoring
 from agents.monitoring.unit_streams import UnitStreams
 from agents.part import Followed, Part, PeerChange
 from agents.ports import PartRegistry, Ports
+from agents.specification.options import RunOptions
 from dyknow import Label, Policy, Sample
 from dyknow.model.errors import Refused, SourceText, TextError, TextErrors, Unmade
 from dyknow.model.semantic_labels import SemanticLabel
@@ -127,7 +128,7 @@ class SpecificationPart(Part):
                 self._on_producer,
             ),
             federation=self,
-            admission=ports.config.admission,
+            admission=ports.config.options[RunOptions].admit,
             features=units,
             is_unit=units.is_unit,
             roads=ports.config.roads,
@@ -200,7 +201,7 @@ class SpecificationPart(Part):
 
     def _govern(self, now_us: int) -> None:
         """A governor, if there is to be one: before the first specification, which may name what it tells."""
-        limit_us = self._config.govern_us
+        limit_us = self._config.options[RunOptions].govern_us
         if self._governor is None and limit_us is not None:
             self._governor = Governor(self.instance, lambda: self._waited_us, now_us, limit_us)
 

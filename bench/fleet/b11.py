@@ -9,7 +9,9 @@ from typing import Any
 
 import zenoh
 
+from agents.capabilities.flight.options import AvoidanceOptions
 from agents.exchange.gateway import stream_policy
+from agents.options import Chosen
 from agents.platform import Platform
 from bench.fleet.members import PATIENCE_S, PERIOD_US, Member, Source
 from bench.rows import Limit, Options, Ratio, Side
@@ -134,7 +136,7 @@ class Monitoring(Member):
 
     def __init__(self, federation: str, index: int, platforms: int) -> None:
         self.index, self.platforms = index, platforms
-        super().__init__(str(index), federation, platform=_Watched, avoidance=False)
+        super().__init__(str(index), federation, platform=_Watched, options=Chosen(AvoidanceOptions(avoidance=False)))
 
     def _source(self) -> Source:
         return Source(self.platform, phase_us(self.index, self.platforms), self._place)

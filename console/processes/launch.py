@@ -8,18 +8,23 @@ from typing import Any, NamedTuple
 
 from pydantic import ValidationError
 
+from agents.capabilities.flight.options import FlightOptions
+from agents.exchange.options import TranslationOptions
+from agents.monitoring.options import MonitoringOptions
+from agents.options import BASE
 from console.command import Call
+from dyknow.documents.durations import duration_us
 from dyknow.model.errors import TextError, WrongCall, did_you_mean
 from federation.keys import unit as unit_name
 from runtime.configuration import config
-from runtime.configuration.instants import SHORTEST_US, duration_us, instant_us
+from runtime.configuration.instants import instant_us
 from runtime.configuration.local_endpoints import free_ports, with_local_endpoint
 from runtime.configuration.reach import trust_files, wire_of
 from runtime.configuration.run_directory import run_directory
-from runtime.configuration.settings import Persona, Settings, UnitFile
+from runtime.configuration.settings import Settings, UnitFile
+from runtime.configuration.toml import wrong_values
 
 _NOTHING = UnitFile()
-_LIMITS = ("floor_m", "ceiling_m", "range_m")
 
 
 class FleetPlan(NamedTuple):
@@ -28,20 +33,16 @@ class FleetPlan(NamedTuple):
     Attributes:
         units: the number of platforms with numbers as names; the federation's file may name more.
         seed: of wind, noise and routes.
-        gcs: a ground station's HOST:PORT that every autopilot also speaks MAVLink to.
         speed: how many times faster than the wall the federation's clock runs.
         only: start only these platforms here.
         duration_us: after this long they end by themselves.
         start_us: federation time at which routes begin; None: when the process starts.
-        each: the specification of each platform, but of those for which the federation's file has one.
+        each: the settings of each platform, where the federation's file has none of its own.
     """
 
     units: int
     scenario: str
     seed: int = 1
-    persona: Persona = "ardupilot"
-    gcs: str | None = None
-    avoidance: bool = True
     speed: float = 1.0
     only: tuple[str, ...] = ()
     duration_us: int | None = None
@@ -96,16 +97,6 @@ def journal_of(journal: Path | None, unit: str, vehicle: Any) -> Path | None:
     return found
 
 
-def _absolute(path: Path | None) -> Path | None:
-    """The platform is a process of its own, wherever that runs."""
-    return None if path is None else path.absolute()
-
-
-def _found_anywhere(module: str) -> str:
-    """A module that is named as a file is found from any working directory."""
-    return str(Path(module).absolute()) if module.endswith(".py") else module
-
-
 def platform_config(
     call: Call, unit: str, vehicle: config.Vehicle, clock: config.ClockConfig, own: UnitFile = _NOTHING, **more: Any
 ) -> config.NodeConfig:
@@ -120,38 +111,26 @@ def platform_config(
         more: further fields of NodeConfig.
     """
     unit_name(unit)
+    settings, own = call.settings, own.over(call.settings.for_all())
     _check_texts(call, own)
     fields = {
         "unit": unit,
-        "wire": with_local_endpoint(wire_of(call.settings, unit, own)),
+        "wire": with_local_endpoint(wire_of(settings, unit, own)),
         "clock": clock,
-        "trust": trust_files(call.settings, unit),
-        "trusted": {name: each.trust for name, each in call.settings.by_unit.items() if each.trust < 1.0},
+        "trust": trust_files(settings, unit),
+        "trusted": {name: each.trust for name, each in settings.by_unit.items() if each.trust < 1.0},
         "vehicle": vehicle,
-        "journal": journal_of(call.settings.journal, unit, vehicle),
-        "encounters": _absolute(call.settings.encounters),
-        "ontology": None if call.settings.ontology is None else call.settings.ontology.absolute(),
-        "translation": own.translation,
-        "profiles": own.profiles,
+        "journal": journal_of(settings.journal, unit, vehicle),
+        "ontology": settings.ontology,
         "hosts": hosts_of(call, unit),
-        "spec": _absolute(own.spec),
-        "units": [_found_anywhere(name) for name in own.modules],
-        "learnt": _absolute(own.learnt),
-        "feed": _absolute(own.feed),
-        "roads": _absolute(own.roads),
-        "elevation": _absolute(own.elevation),
-        "admit": own.admit or "refuse",
-        "shedding": own.shedding,
-        "govern_ms": duration_us(own.govern, option="govern", least_us=SHORTEST_US) / 1e3 if own.govern else None,
-        **{name: value for name in _LIMITS if (value := getattr(own, name)) is not None},
-        "extensions": [_found_anywhere(name) for name in call.settings.extensions],
+        "extensions": settings.extensions,
+        **own.texts(config.NodeConfig.MODELS),
         **more,
     }
     try:
-        return config.NodeConfig.model_validate(fields)
+        return config.NodeConfig.model_validate(fields, context={BASE: Path.cwd()})
     except ValidationError as error:
-        wrong = [f"{'.'.join(str(p) for p in e['loc'])}: {e['msg']} (got {e['input']!r})." for e in error.errors()]
-        raise WrongCall("\n".join(wrong)) from None
+        raise WrongCall(wrong_values(error)) from None
 
 
 def fleet_of(call: Call, plan: FleetPlan, now_us: int) -> list[config.NodeConfig]:
@@ -159,22 +138,22 @@ def fleet_of(call: Call, plan: FleetPlan, now_us: int) -> list[config.NodeConfig
     special = dict(call.settings.by_unit)
     names = [str(number) for number in range(plan.units)]
     names += [name for name in special if name not in names]
-    special = {name: specified(own, plan.each) for name, own in _meshed(call, names, special).items()}
-    nothing = specified(_NOTHING, plan.each)
-    simulated = [name for name in names if not (s := special.get(name, _NOTHING)).mavlink and not s.replay]
+    each = plan.each.over(call.settings.for_all())
+    special = {name: own.over(each) for name, own in _meshed(call, names, special).items()}
+    simulated = [name for name in names if not _is_real(special.get(name, each))]
     clock = clock_of(call.settings, plan.speed, now_us)
-    return [
-        platform_config(
-            call,
-            name,
-            _vehicle(name, own := special.get(name, nothing), simulated, plan, now_us),
-            clock,
-            own,
-            avoidance=plan.avoidance if own.avoidance is None else own.avoidance,
-            duration_s=None if plan.duration_us is None else plan.duration_us / 1e6,
-        )
-        for name in only_these(names, plan.only)
-    ]
+    lasts_s = None if plan.duration_us is None else plan.duration_us / 1e6
+    configs = []
+    for name in only_these(names, plan.only):
+        own = special.get(name, each)
+        vehicle = _vehicle(name, own, simulated, plan, now_us)
+        configs.append(platform_config(call, name, vehicle, clock, own, duration_s=lasts_s))
+    return configs
+
+
+def _is_real(own: UnitFile) -> bool:
+    """Whether it has a vehicle or a recording, and so no simulated UAV."""
+    return bool(own[config.EndpointOptions].mavlink or own[config.ReplayOptions].replay)
 
 
 def with_metrics(configs: Sequence[config.NodeConfig], port: int | None) -> list[config.NodeConfig]:
@@ -189,13 +168,6 @@ def with_metrics(configs: Sequence[config.NodeConfig], port: int | None) -> list
             "pip install 'dyknow-federation[metrics]'"
         )
     return [each if port is None else each.model_copy(update={"metrics": port + at}) for at, each in enumerate(configs)]
-
-
-def specified(own: UnitFile, each: UnitFile) -> UnitFile:
-    """A platform with the specification for each, unless the file has one of its own."""
-    names = ("spec", "modules", "feed", "roads", "govern", "admit")
-    found = {name: getattr(own, name) or getattr(each, name) for name in names}
-    return own.model_copy(update=found | {"floor_m": each.floor_m if own.floor_m is None else own.floor_m})
 
 
 def hosts_of(call: Call, unit: str) -> Path:
@@ -223,17 +195,18 @@ def _vehicle(
 ) -> config.SimulatedVehicleConfig | config.MavlinkVehicle | config.ReplayedVehicle:
     """The vehicle of the platform: the file's vehicle or recording, else a simulated UAV."""
     check_forward(own, place=f"[unit.{unit}]")
-    if own.mavlink:
+    if own[config.EndpointOptions].mavlink:
         return mavlink_vehicle(own, place=f"[unit.{unit}] mavlink")
-    if own.replay:
-        return replayed(own.replay, own.from_ or "0s", own.epoch or "now", now_us, place=f"[unit.{unit}]")
+    recorded, simulation = own[config.ReplayOptions], own[config.SimulatedOptions]
+    if recorded.replay:
+        return replayed(recorded.replay, recorded.from_, recorded.epoch or "now", now_us, place=f"[unit.{unit}]")
     return config.SimulatedVehicleConfig(
         scenario=plan.scenario,
         index=simulated.index(unit),
         count=len(simulated),
         seed=plan.seed,
-        persona=own.persona or plan.persona,
-        gcs=_address(own.gcs or plan.gcs),
+        persona=simulation.persona,
+        gcs=_address(simulation.gcs),
         start_us=plan.start_us,
     )
 
@@ -250,9 +223,10 @@ def _address(text: str | None) -> str | None:
 
 def check_forward(own: UnitFile, *, place: str) -> None:
     """Raise WrongCall if something is to be forwarded, and there is no vehicle or no ground station."""
-    if own.forward is not None and own.mavlink is None:
+    link = own[config.MavlinkOptions]
+    if link.forward is not None and own[config.EndpointOptions].mavlink is None:
         raise WrongCall(f"{place}: forward belongs to mavlink: there is no vehicle whose messages could be forwarded.")
-    if own.forward is None and (own.forward_commands or own.forward_beyond):
+    if link.forward is None and (link.forward_commands or link.forward_beyond):
         raise WrongCall(f"{place}: there is no ground station; name one with forward, udp://127.0.0.1:14550.")
 
 
@@ -262,29 +236,23 @@ def mavlink_vehicle(own: UnitFile, *, place: str) -> config.MavlinkVehicle:
     from proxies.mavlink.signing import insist_on_key, read_key
     from proxies.outward.outlets import parse_destination
 
-    text, key = own.mavlink or "", own.signing_key
+    text, link = own[config.EndpointOptions].mavlink or "", own[config.MavlinkOptions]
     try:
         endpoint = parse_endpoint(text)
     except TextError as error:
         raise WrongCall(f"{place}: {text!r}: {error.message}; write {error.repair}.") from None
-    if key is not None:
-        read_key(key)
-    insist_on_key(endpoint, place, control=bool(own.control), has_key=key is not None, unsigned=own.unsigned)
-    if own.forward is not None:
-        to = parse_destination(own.forward, beyond=own.forward_beyond, kinds=("udp",))
+    if link.signing_key is not None:
+        read_key(link.signing_key)
+    has_key = link.signing_key is not None
+    insist_on_key(endpoint, place, control=bool(link.control), has_key=has_key, unsigned=link.unsigned)
+    if link.forward is not None:
+        to = parse_destination(link.forward, beyond=link.forward_beyond, kinds=("udp",))
         if to.port == endpoint.number and endpoint.kind == "udpin":
             raise WrongCall(
                 f"{place}: forward: {to} is where the vehicle is heard; the ground station needs a port of its own."
             )
-    return config.MavlinkVehicle(
-        endpoint=str(endpoint),
-        sysid=own.sysid,
-        compid=own.compid,
-        control=own.control,
-        signing_key=None if key is None else key.absolute(),
-        unsigned=own.unsigned,
-        forward=own.forward,
-        forward_commands=own.forward_commands,
+    return config.MavlinkVehicle.model_validate(
+        {"endpoint": str(endpoint), **link.model_dump()}, context={BASE: Path.cwd()}
     )
 
 
@@ -314,19 +282,21 @@ def together(configs: Sequence[config.NodeConfig]) -> list[list[config.NodeConfi
 
 def _check_texts(call: Call, own: UnitFile) -> None:
     """Raise WrongCall or TextError for files that the platform's process could not read."""
-    if own.elevation is not None:
+    elevation = own[FlightOptions].elevation
+    if elevation is not None:
         from runtime.configuration.elevation_files import read_elevation
 
-        read_elevation(own.elevation)
-    if own.translation is None and own.profiles is None:
+        read_elevation(elevation)
+    translation, profiles = own[TranslationOptions].translation, own[MonitoringOptions].profiles
+    if translation is None and profiles is None:
         return
     from runtime.configuration.ontologies import ontology_of
     from runtime.configuration.resolved import read_profiles, read_translation
 
-    if own.translation is not None:
-        read_translation(ontology_of(call.settings.extensions, call.settings.ontology), own.translation)
-    if own.profiles is not None:
-        read_profiles(own.profiles)
+    if translation is not None:
+        read_translation(ontology_of(call.settings.extensions, call.settings.ontology), translation)
+    if profiles is not None:
+        read_profiles(profiles)
 
 
 def replayed(file: Path, from_: str, epoch: str, now_us: int, *, place: str) -> config.ReplayedVehicle:

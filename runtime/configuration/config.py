@@ -1,15 +1,108 @@
-"""The configuration of one platform process, as `dyknow up` and `dyknow join` hand it over (JSON, validated here)."""
+"""The configuration of one platform process, as `dyknow up` and `dyknow join` hand it over (JSON, validated here).
 
+The options of vehicles are here, next to the tables of vehicles that are made of them; those of parts stand with the parts,
+see `agents.options`.
+"""
+
+from datetime import datetime
 from pathlib import Path
-from typing import Annotated, Literal
+from typing import Annotated, Any, Final, Literal, TypeAlias
 
-from pydantic import BaseModel, ConfigDict, Field
+from pydantic import BeforeValidator, Field, model_validator
+
+from agents.options import (
+    Everywhere,
+    Flag,
+    Modules,
+    OptionPath,
+    Options,
+    OptionsTable,
+    Strict,
+    composed,
+    platform_options,
+)
+
+Persona: TypeAlias = Literal["ardupilot", "ardupilot-3.3", "px4"]
 
 
-class Strict(BaseModel):
-    """Unknown keys are errors: a misspelt option must not be ignored."""
+def _instant_text(given: Any) -> Any:
+    """TOML has dates of its own: they become the ISO text that instants are read from."""
+    return given.isoformat() if isinstance(given, datetime) else given
 
-    model_config = ConfigDict(extra="forbid", frozen=True, populate_by_name=True)
+
+InstantText: TypeAlias = Annotated[str, BeforeValidator(_instant_text)]
+"""An instant as `runtime.configuration.instants.instant_us` reads it."""
+
+
+class SimulatedOptions(Options):
+    """A simulated vehicle."""
+
+    COMMANDS = ("up",)
+
+    gcs: Annotated[str | None, Flag(metavar="HOST:PORT"), Everywhere()] = Field(
+        None, description="Every autopilot also speaks MAVLink to this UDP port."
+    )
+    persona: Annotated[Persona, Flag(), Everywhere()] = Field(
+        "ardupilot", description="Whose MAVLink dialect the autopilots speak."
+    )
+
+
+class EndpointOptions(Options):
+    """The endpoint of a vehicle that speaks MAVLink."""
+
+    COMMANDS = ("join",)
+
+    mavlink: Annotated[str | None, Flag(metavar="ENDPOINT")] = Field(
+        None, description="udpin:, udpout: or tcp:127.0.0.1:14550, or serial:/dev/ttyACM0:57600."
+    )
+
+
+class MavlinkOptions(Options):
+    """A vehicle that speaks MAVLink."""
+
+    COMMANDS = ("join",)
+
+    sysid: Annotated[int | None, Flag(metavar="S")] = Field(
+        None, ge=1, le=255, description="Which vehicle, when several send there."
+    )
+    compid: Annotated[int | None, Flag(metavar="C")] = Field(
+        None, ge=0, le=255, description="The component that is its autopilot."
+    )
+    control: Annotated[
+        bool | Literal["auto"],
+        BeforeValidator(lambda given: True if given == "guided" else given),
+        Flag(metavar="[auto]", typed=Literal["guided", "auto"] | None),
+    ] = Field(False, description="The platform may command the vehicle; auto: and interrupt its missions.")
+    signing_key: Annotated[OptionPath | None, Flag(metavar="FILE")] = Field(
+        None, description="Key of MAVLink 2 signing; frames without it are refused."
+    )
+    unsigned: Annotated[bool, Flag()] = Field(False, description="Command the vehicle over a network without a key.")
+    forward: Annotated[str | None, Flag(metavar="DESTINATION")] = Field(
+        None, description="A ground station that hears the vehicle, too: udp://127.0.0.1:14550."
+    )
+    forward_commands: Annotated[bool, Flag()] = Field(
+        False, description="Commands of that station reach the vehicle; missions then wait."
+    )
+    forward_beyond: Annotated[bool, Flag()] = Field(False, description="That station may be on another machine.")
+
+
+class ReplayOptions(Options):
+    """A recorded flight."""
+
+    COMMANDS = ("join",)
+
+    replay: Annotated[OptionPath | None, Flag(metavar="FILE")] = Field(
+        None, description="A recorded flight: .tlog, .bin, .ulg or .mcap."
+    )
+    from_: Annotated[str, Flag(metavar="TIME")] = Field(
+        "0s", alias="from", description="Where in the recording to begin, after its first position."
+    )
+    epoch: Annotated[InstantText | None, Flag(metavar="TIME")] = Field(
+        None, description="When that is played; recordings may share it. [default: now]"
+    )
+
+
+VEHICLE_OPTIONS: Final = (SimulatedOptions, EndpointOptions, MavlinkOptions, ReplayOptions)
 
 
 class WireConfig(Strict):
@@ -42,7 +135,7 @@ class ClockConfig(Strict):
     """A wrong node clock, for tests of a federation with wrong clocks."""
 
 
-class SimulatedVehicleConfig(Strict):
+class SimulatedVehicleConfig(SimulatedOptions):
     """A simulated UAV with its own MAVLink autopilot in the same process."""
 
     kind: Literal["simulated"] = "simulated"
@@ -50,8 +143,6 @@ class SimulatedVehicleConfig(Strict):
     index: int = Field(0, ge=0)
     count: int = Field(1, ge=1)
     seed: int = 0
-    persona: Literal["ardupilot", "ardupilot-3.3", "px4"] = "ardupilot"
-    gcs: str | None = None
     origin: tuple[float, float, float] | None = None
     """Where the scenario takes place: latitude and longitude in degrees, metres above mean sea level of the ground."""
     start_us: int | None = None
@@ -60,23 +151,11 @@ class SimulatedVehicleConfig(Strict):
     """Faults that begin by themselves, as `dropped-box at load+4s`."""
 
 
-class MavlinkVehicle(Strict):
+class MavlinkVehicle(MavlinkOptions):
     """Any vehicle that speaks MAVLink."""
 
     kind: Literal["mavlink"] = "mavlink"
     endpoint: str
-    sysid: int | None = Field(None, ge=1, le=255)
-    compid: int | None = Field(None, ge=0, le=255)
-    """The autopilot's component id; None: 1, or that of the only component that says it is an autopilot."""
-    control: bool | Literal["auto"] = False
-    """Whether the platform may command it; `auto`: and interrupt its missions to give way."""
-    signing_key: Path | None = None
-    forward: str | None = None
-    """A ground station that gets what the vehicle sends, `udp://127.0.0.1:14550`."""
-    forward_commands: bool = False
-    """Whether what that station sends reaches the vehicle."""
-    unsigned: bool = False
-    """Whether the vehicle may be commanded over a network without a key."""
 
 
 class ReplayedVehicle(Strict):
@@ -125,8 +204,9 @@ class TrustConfig(Strict):
     key: Path | None = None
 
 
-class NodeConfig(Strict):
-    """One platform process."""
+@composed(*platform_options())
+class NodeConfig(OptionsTable):
+    """One platform process; the options of its parts are those that `agents.options.platform_options` lists."""
 
     unit: str
     wire: WireConfig = WireConfig()
@@ -135,39 +215,24 @@ class NodeConfig(Strict):
     trust: TrustConfig = TrustConfig()
     trusted: dict[str, Annotated[float, Field(ge=0, le=1)]] = Field(default_factory=dict)
     """How far other platforms are trusted, by unit; others wholly."""
-    avoidance: bool = True
-    shedding: bool = True
     period_ms: int = Field(100, ge=10, le=10_000)
-    floor_m: float = Field(10.0, allow_inf_nan=False)
-    ceiling_m: float = Field(120.0, allow_inf_nan=False)
-    range_m: float = Field(1000.0, gt=0, allow_inf_nan=False)
-    elevation: Path | None = None
-    """Heights of the ground, above which the floor is, too."""
-    ontology: Path | None = None
+    ontology: OptionPath | None = None
     """Semantic labels that not every platform has."""
-    translation: Path | None = None
-    profiles: Path | None = None
     journal: Path | None = None
-    encounters: Path | None = None
-    """Directory in which it keeps a record of each encounter."""
-    spec: Path | None = None
-    """A specification of knowledge processing, taken in again whenever the file changes."""
-    units: tuple[str, ...] = ()
-    """Modules with sources and computational units of the specification."""
-    extensions: tuple[str, ...] = ()
+    extensions: Modules = ()
     """Extensions that bring parts of the platform, by entry point or module; see `agents.extensions`."""
-    govern_ms: float | None = Field(None, gt=0, le=60_000)
-    """While delays are longer than this the periods of the least important streams are lengthened."""
-    admit: Literal["refuse", "longer"] = "refuse"
-    """Declarations that there is no time for: refused, or served at a longer period until there is."""
-    learnt: Path | None = None
-    """Directory in which it keeps what its streams of beliefs learn."""
-    feed: Path | None = None
-    """Samples of the specification's sources."""
-    roads: Path | None = None
-    """Roads on which linked objects are, unless the specification names others."""
     hosts: Path | None = None
     """The socket at which knowledge process hosts of this machine register."""
     metrics: int | None = Field(None, ge=1, le=65_535)
     """The port of this machine at which figures for Prometheus, and health, are read."""
     duration_s: float | None = Field(None, gt=0)
+
+    @model_validator(mode="before")
+    @classmethod
+    def _of_older_journals(cls, given: Any) -> Any:
+        """Journals of before had the duration `govern` in milliseconds."""
+        if not isinstance(given, dict) or "govern_ms" not in given:
+            return given
+        limit_ms = given["govern_ms"]
+        rest = {key: value for key, value in given.items() if key != "govern_ms"}
+        return rest if limit_ms is None else {**rest, "govern": f"{limit_ms}ms"}

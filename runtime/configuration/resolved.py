@@ -3,7 +3,10 @@
 from pathlib import Path
 
 from agents.config import PlatformConfig
+from agents.exchange.options import TranslationOptions
 from agents.extensions import load_extension
+from agents.monitoring.options import MonitoringOptions
+from agents.specification.options import RunOptions, SpecificationOptions
 from compunits import catalogue
 from dyknow.model.errors import WrongCall
 from federation.members.clock import FederationClock
@@ -43,29 +46,26 @@ def platform_config(config: NodeConfig, clock: FederationClock, started_us: int,
         UnitError: an extension does not load.
     """
     ontology = ontology_of(config.extensions, config.ontology)
-    translation = None if config.translation is None else read_translation(ontology, config.translation)
+    specification, run = config[SpecificationOptions], config[RunOptions]
+    labels, learnt = config[TranslationOptions].translation, specification.learnt
     profiles = dict(builtin_profiles())
-    if config.profiles is not None:
-        profiles |= read_profiles(config.profiles)
+    if (own := config[MonitoringOptions].profiles) is not None:
+        profiles |= read_profiles(own)
     return PlatformConfig(
         unit=config.unit,
         boot=started_us // 1000,
         zid=zid,
         clock=clock,
+        options=config.chosen(),
         vehicle=config.vehicle.kind != "none",
-        avoidance=config.avoidance,
-        shedding=config.shedding,
         period_us=config.period_ms * 1000,
         ontology=ontology,
-        translation=translation,
+        translation=None if labels is None else read_translation(ontology, labels),
         profiles=profiles,
         trusted=config.trusted,
-        learnt={} if config.learnt is None else LearntFiles(config.learnt, config.unit).read(),
+        learnt={} if learnt is None else LearntFiles(learnt, config.unit).read(),
         trust=load_trust(config.trust, config.wire.federation, started_us, config.unit),
-        catalogue=catalogue(config.units).offered,
-        roads=None if config.roads is None else read_roads(config.roads),
+        catalogue=catalogue(run.modules).offered,
+        roads=None if run.roads is None else read_roads(run.roads),
         extensions=tuple(part for name in config.extensions for part in load_extension(name).parts),
-        admission=config.admit,
-        encounters=config.encounters is not None,
-        govern_us=None if config.govern_ms is None else round(config.govern_ms * 1000),
     )

@@ -1,5 +1,6 @@
 """TOML files that users write: unknown and mistyped keys are errors with file, line and remedy."""
 
+from collections.abc import Mapping
 from pathlib import Path
 from typing import Any, Final, TypeVar
 
@@ -27,11 +28,11 @@ def read_toml(path: Path) -> dict[str, Any]:
         raise WrongCall(str(error)) from None
 
 
-def read_model(path: Path, model: type[M]) -> M:
-    """The file as a `model`; every wrong key is reported, not the first."""
+def read_model(path: Path, model: type[M], context: Mapping[str, Any] | None = None) -> M:
+    """The file as a `model`, validated in a context; every wrong key is reported, not the first."""
     found = read_toml(path)
     try:
-        return model.model_validate(found)
+        return model.model_validate(found, context=context)
     except ValidationError as error:
         raise WrongCall("\n".join(explained(error, str(path), bounded_text(path), model))) from None
 
@@ -50,6 +51,11 @@ def explained(error: ValidationError, place: str, text: str, model: type[BaseMod
         else:
             sentences.append(f"{where}: {name}: {mistake['msg']} (got {mistake['input']!r}).")
     return sentences
+
+
+def wrong_values(error: ValidationError) -> str:
+    """The mistakes of options that stand in no file, a line each."""
+    return "\n".join(f"{'.'.join(map(str, e['loc']))}: {e['msg']} (got {e['input']!r})." for e in error.errors())
 
 
 def _keys_at(model: type[BaseModel], path: list[str]) -> list[str]:

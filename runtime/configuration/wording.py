@@ -6,10 +6,11 @@ from typing import TYPE_CHECKING, Any, get_args, get_origin
 
 from pydantic import ValidationError
 
+from dyknow.documents.durations import SHORTEST_US, duration_us
 from dyknow.model.errors import WrongCall, did_you_mean
 from federation.messages.contents import Content, When
 from runtime.configuration.areas import corners_of
-from runtime.configuration.instants import SHORTEST_US, duration_us, instant_us
+from runtime.configuration.instants import instant_us
 
 if TYPE_CHECKING:
     from agents.actions import Action

@@ -14,6 +14,7 @@ from agents.capabilities.flight.flight import FlightAgent
 from agents.capabilities.flight.vehicle_streams import ESTIMATE
 from agents.effects import Effect, Tell
 from agents.platform import Platform
+from agents.specification.options import RunOptions
 from dyknow import Policy, Predicted, Quality, Sample, of_json
 from dyknow.model.errors import DecodeError, WrongCall
 from federation.members.clock import FederationClock
@@ -81,9 +82,9 @@ def recorded_streams(
         why = in_words(wrong)
         raise DecodeError("journal", f"{path} does not say what it is of: {why}; {REMEDY}") from None
     clock = recorded_clock(path, said)
-    _check_named(path, "--units", config.units, units)
+    _check_named(path, "--units", config[RunOptions].modules, units)
     _check_named(path, "--extension", config.extensions, extensions)
-    config = config.model_copy(update={"units": tuple(units), "extensions": tuple(extensions)})
+    config = config.model_copy(update={"modules": tuple(units), "extensions": tuple(extensions)})
     entries = _complete(path, on_unread)
     first = next(entries, None)
     if first is None:

@@ -3,13 +3,13 @@
 from collections.abc import Callable
 from typing import TYPE_CHECKING, TypeAlias
 
+from dyknow.documents.durations import SHORTEST_US, duration_us
 from dyknow.model.errors import WrongCall
 from federation.calls.call import StreamCall
 from federation.calls.proposals import CallNews, WantedStream
 from federation.keys import label as label_name
 from federation.messages.codec import StreamSample
 from runtime.client import Client, Job, Wait
-from runtime.configuration.instants import SHORTEST_US, duration_us
 from runtime.library.jobs import platforms
 from runtime.library.results import UnitSample
 from runtime.library.watched import WatchedStreams

@@ -3,6 +3,7 @@
 from collections.abc import Callable, Mapping, Sequence
 from typing import TYPE_CHECKING, Any, TypeVar
 
+from dyknow.documents.durations import SHORTEST_US, duration_us
 from dyknow.model.errors import ContentError, DyknowError, FederationFailed, Refused
 from federation.keys import label as label_name
 from federation.members.command_centre import PlatformView
@@ -30,7 +31,6 @@ from federation.messages.contents import (
 )
 from federation.messages.dialogue import Dialogue
 from runtime.client import SETTLE_S, Client, Job, Wait
-from runtime.configuration.instants import SHORTEST_US, duration_us
 from runtime.configuration.wording import content_when, content_with
 from runtime.library.meanings import disagreement_with
 from runtime.library.questions import (

@@ -7,6 +7,7 @@ from types import TracebackType
 from typing import Any, NamedTuple, Self
 
 from agents.effects import Fed, Specify
+from agents.specification.options import RunOptions
 from agents.specification.specification_part import read
 from dyknow import SURE, Quality, Value
 from dyknow.model.errors import FederationFailed, SpecificationFailed, WrongCall
@@ -90,11 +91,10 @@ def join(
         wire=client_wire(settings, name),
         trust=trust_files(settings, name, None if key is None else Path(key)),
         vehicle=NoVehicle(),
-        units=_modules(units),
         extensions=settings.extensions,
         ontology=settings.ontology,
     )
-    return OwnPlatform(config)
+    return OwnPlatform(config.having(RunOptions(modules=_modules(units))))
 
 
 def _modules(units: object) -> tuple[str, ...]:

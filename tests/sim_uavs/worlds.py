@@ -5,8 +5,10 @@ from dataclasses import dataclass, field
 from random import Random
 from typing import Any
 
+from agents.capabilities.flight.options import AvoidanceOptions
 from agents.config import PlatformConfig
 from agents.monitoring.alarm_log import AlarmLog
+from agents.options import Chosen
 from agents.places import FlightPlan
 from agents.platform import Platform
 from federation.messages.contents import Alarm
@@ -97,7 +99,12 @@ def fly_scenario(
         vehicle = SimulatedVehicle(
             unit.vehicle(number + 1, airborne=True), world.now_us, phase_us=world.random.randrange(100_000)
         )
-        fields = {"control": True, "simulated": True, "avoidance": avoidance, "plan": plan}
+        fields = {
+            "control": True,
+            "simulated": True,
+            "options": Chosen(AvoidanceOptions(avoidance=avoidance)),
+            "plan": plan,
+        }
         config = PlatformConfig(str(number), 0, **fields | (settings or {}).get(str(number), {}))
         drift_ppm = drifts_ppm[number] if number < len(drifts_ppm) else 0.0
         world.add(str(number), config, vehicle, offset_us=offset_us, drift_ppm=drift_ppm)
@@ -121,7 +128,14 @@ def crowd(seed: int, count: int = 3, *, avoidance: bool = True, **options: Any) 
         flown = VehicleConfig(number + 1, home, airborne_m=airborne_m, seed=seed)
         vehicle = SimulatedVehicle(flown, world.now_us, phase_us=world.random.randrange(100_000))
         plan: FlightPlan = plan_of(route, world.start_us + PLAN_US)
-        config = PlatformConfig(str(number), 0, control=True, simulated=True, avoidance=avoidance, plan=plan)
+        config = PlatformConfig(
+            str(number),
+            0,
+            control=True,
+            simulated=True,
+            options=Chosen(AvoidanceOptions(avoidance=avoidance)),
+            plan=plan,
+        )
         world.add(str(number), config, vehicle)
     world.add_command_centre()
     return world

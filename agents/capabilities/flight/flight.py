@@ -8,6 +8,7 @@ from agents.capabilities.flight.arbiter import Commander, in_words
 from agents.capabilities.flight.arrival import Arrival
 from agents.capabilities.flight.below import occupied_below
 from agents.capabilities.flight.errand import Errand
+from agents.capabilities.flight.options import AvoidanceOptions
 from agents.capabilities.flight.pilot import Pilot
 from agents.capabilities.flight.requests import FLIGHT as FLIGHT_REQUESTS
 from agents.capabilities.flight.vehicle_streams import VehicleStreams
@@ -76,7 +77,7 @@ class FlightAgent(Part):
         self._agent, self._clock, self.pilot = ports.agent, ports.clock, parts[Pilot.of]
         self.streams, self._emit = parts[VehicleStreams.of], ports.emit
         self._on_moved, self._note, self._offer = ports.on_moved, ports.note, ports.offer
-        self._may_avoid = ports.may_avoid
+        self._may_avoid = ports.config.options[AvoidanceOptions].avoidance
         self._link: ConditionEntry | None = None
         self._avoidance: ConditionEntry | None = None
         self._followed: Followed = (self, parts[LocalInstance])

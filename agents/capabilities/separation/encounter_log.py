@@ -10,6 +10,7 @@ from collections.abc import Iterator
 from typing import Any, Final, NamedTuple
 
 from agents.audit_log import AuditEntry
+from agents.capabilities.separation.options import EncounterOptions
 from agents.effects import EncounterMessage, KeepEncounter
 from agents.exchange.gateway import Gateway
 from agents.monitoring.alarm_log import AlarmLog, alarm_content
@@ -45,7 +46,8 @@ class EncounterLog(Part):
     def __init__(self, ports: Ports, parts: PartRegistry) -> None:
         self._unit, self._agent, self._clock, self._gateway = ports.unit, ports.agent, ports.clock, parts[Gateway.of]
         self._alarms = parts[AlarmLog]
-        self._keeps, self._emit = ports.config.encounters, ports.emit
+        self._keeps = ports.config.options[EncounterOptions].encounters is not None
+        self._emit = ports.emit
         self._open: dict[str, _Encounter] = {}
         self._notes: deque[tuple[int, str]] = deque(maxlen=NOTES)
         self._due_us: int | None = None

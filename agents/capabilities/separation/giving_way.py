@@ -10,6 +10,7 @@ from typing import Final
 
 from agents.actions import COORDINATION, Action, Offer
 from agents.capabilities.flight.errand import OrderProgress
+from agents.capabilities.flight.options import AvoidanceOptions
 from agents.capabilities.flight.pilot import Pilot
 from agents.capabilities.separation.answers import AvoidAnswers
 from agents.capabilities.separation.encounter_log import EncounterLog
@@ -71,9 +72,9 @@ class GivingWay(Part):
         self._neighbourhood, self._monitors = parts[Neighbourhood], parts[UnitMonitors.of]
         self._coordination = parts[Coordination]
         self._log, self._emit, self._note = parts[EncounterLog], ports.emit, ports.note
-        self._may_avoid = ports.may_avoid
+        self._may_avoid = ports.config.options[AvoidanceOptions].avoidance
         self.logic, self.refused = SeparationLogic(ports.unit), Counter[str]()
-        self._view = SituationView(parts[Pilot.of], parts[Neighbourhood], self.logic, may_avoid=ports.may_avoid)
+        self._view = SituationView(parts[Pilot.of], parts[Neighbourhood], self.logic, may_avoid=self._may_avoid)
         self._answers = AvoidAnswers(ports.unit, self.logic, parts[Neighbourhood], self._view)
         self._blind_us = 0
         self.times = ReactionTimes()

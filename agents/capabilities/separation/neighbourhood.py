@@ -8,11 +8,12 @@ node clock.
 from collections.abc import Iterable
 from typing import Final
 
+from agents.capabilities.flight.options import AvoidanceOptions
 from agents.capabilities.flight.peer_fixes import fix_of
 from agents.capabilities.flight.pilot import Pilot
-from agents.capabilities.separation.conformance import Conformance
 from agents.capabilities.separation.neighbours import Neighbour, Neighbours
-from agents.capabilities.separation.own_intent import OwnIntent
+from agents.capabilities.separation.own.conformance import Conformance
+from agents.capabilities.separation.own.own_intent import OwnIntent
 from agents.capabilities.separation.records import INTENT, intent_of, intent_value
 from agents.capabilities.traffic.traffic import Traffic
 from agents.exchange.gateway import Gateway
@@ -66,7 +67,7 @@ class Neighbourhood(Part):
         self._noted = set[tuple[str, str]]()
         self._has_vehicle = ports.config.vehicle
         self.others = Neighbours()
-        self.own = OwnIntent(parts[Pilot.of], may_avoid=ports.may_avoid)
+        self.own = OwnIntent(parts[Pilot.of], may_avoid=ports.config.options[AvoidanceOptions].avoidance)
         self.manoeuvre: tuple[IntendedPlace, ...] | None = None
         self.manoeuvre_m_s: float | None = None
         self.cannot = False

@@ -23,7 +23,7 @@ from console.errors import DONE, NO
 from console.output.shown import Shown, line, styled
 from console.processes.launch import mavlink_vehicle
 from dyknow.model.errors import EndpointFailed, did_you_mean
-from runtime.configuration.config import MavlinkVehicle
+from runtime.configuration.config import EndpointOptions, MavlinkOptions, MavlinkVehicle
 from runtime.configuration.run_directory import run_directory
 from runtime.configuration.settings import UnitFile
 
@@ -64,7 +64,8 @@ def doctor(
     """Missing dependencies of this machine, and how to get them; exit 1 if a required one is missing."""
     findings = list(findings_here())
     if mavlink is not None:
-        own = UnitFile(mavlink=mavlink, sysid=sysid, compid=compid, signing_key=signing_key)
+        link = MavlinkOptions(sysid=sysid, compid=compid, signing_key=signing_key)
+        own = UnitFile().having(EndpointOptions(mavlink=mavlink), link)
         with call.out.waiting(f"listening at {mavlink}"):
             findings.append(vehicle_heard(mavlink_vehicle(own, place="--mavlink")))
     if call.out.json_lines:

@@ -5,22 +5,12 @@ They run in one child process of this command.
 
 import time
 from pathlib import Path
-from typing import Annotated, Any, Literal
+from typing import Annotated, Any
 
 import typer
 
-from console.arguments import (
-    Admit,
-    Avoidance,
-    Duration,
-    Feed,
-    Govern,
-    LogLevel,
-    Metrics,
-    Roads,
-    Speed,
-    UnitModules,
-)
+from agents.specification.options import SpecificationOptions
+from console.arguments import Duration, LogLevel, Metrics, Speed
 from console.centre.client import connected
 from console.command import Call, command
 from console.commands.fleet.up import READY_S, FleetStart, tell_notes
@@ -39,9 +29,19 @@ from console.processes.launch import (
     with_metrics,
 )
 from console.processes.supervision import Fleet, interruptible, outlasting, uninterrupted
+from dyknow.documents.durations import SHORTEST_US, duration_us
 from dyknow.model.errors import FederationFailed, WrongCall
-from runtime.configuration.config import ClockConfig, MavlinkVehicle, NodeConfig, NoVehicle, Vehicle
-from runtime.configuration.instants import SHORTEST_US, duration_us, instant_us
+from runtime.configuration.config import (
+    ClockConfig,
+    EndpointOptions,
+    MavlinkOptions,
+    MavlinkVehicle,
+    NodeConfig,
+    NoVehicle,
+    ReplayOptions,
+    Vehicle,
+)
+from runtime.configuration.instants import instant_us
 from runtime.configuration.local_endpoints import noted_local
 from runtime.configuration.run_directory import JOINED, ProcessState, run_directory, this_process, write_state
 from runtime.configuration.settings import UnitFile
@@ -58,106 +58,38 @@ def join(
     unit: Annotated[
         list[str], typer.Option(metavar="U", help="Its name in the federation (repeatable, with --sysid).")
     ],
-    mavlink: Annotated[
-        str | None,
-        typer.Option(metavar="ENDPOINT", help="udpin:, udpout: or tcp:127.0.0.1:14550, or serial:/dev/ttyACM0:57600."),
-    ] = None,
     sysid: Annotated[
         list[int] | None,
         typer.Option(metavar="S", min=1, max=255, help="Which vehicle, when several send there; one for each --unit."),
     ] = None,
-    compid: Annotated[
-        int | None, typer.Option(metavar="C", min=0, max=255, help="The component that is its autopilot.")
-    ] = None,
-    control: Annotated[
-        Literal["guided", "auto"] | None,
-        typer.Option(metavar="[auto]", help="The platform may command the vehicle; auto: and interrupt its missions."),
-    ] = None,
-    floor: Annotated[float, typer.Option(metavar="M", help="It is sent no lower above home, in metres.")] = 10.0,
-    ceiling: Annotated[float, typer.Option(metavar="M", help="Nor higher.")] = 120.0,
-    range_: Annotated[float, typer.Option("--range", metavar="M", help="Nor farther from home.")] = 1000.0,
-    elevation: Annotated[
-        Path | None,
-        typer.Option(metavar="FILE", help="The floor is above this ground, too: .hgt, a directory of them, or .asc."),
-    ] = None,
-    signing_key: Annotated[
-        Path | None, typer.Option(metavar="FILE", help="Key of MAVLink 2 signing; frames without it are refused.")
-    ] = None,
-    unsigned: Annotated[
-        bool, typer.Option("--unsigned", help="Command the vehicle over a network without a key.")
-    ] = False,
-    forward: Annotated[
-        str | None,
-        typer.Option(
-            metavar="DESTINATION", help="A ground station that hears the vehicle, too: udp://127.0.0.1:14550."
-        ),
-    ] = None,
-    forward_commands: Annotated[
-        bool,
-        typer.Option("--forward-commands", help="Commands of that station reach the vehicle; missions then wait."),
-    ] = False,
-    forward_beyond: Annotated[
-        bool, typer.Option("--forward-beyond", help="That station may be on another machine.")
-    ] = False,
-    replay: Annotated[
-        Path | None, typer.Option(metavar="FILE", help="A recorded flight: .tlog, .bin, .ulg or .mcap.")
-    ] = None,
-    from_: Annotated[
-        str, typer.Option("--from", metavar="TIME", help="Where in the recording to begin, after its first position.")
-    ] = "0s",
-    epoch: Annotated[
-        str | None, typer.Option(metavar="TIME", help="When that is played; recordings may share it. [default: now]")
-    ] = None,
+    own: UnitFile,
     speed: Speed = 1.0,
-    translation: Annotated[
-        Path | None, typer.Option(metavar="FILE.toml", help="Its own labels and units, by semantic label.")
-    ] = None,
-    spec: Annotated[
-        Path | None,
-        typer.Option(metavar="FILE.kpl", help="Its streams, exports, imports and monitors; read again on change."),
-    ] = None,
-    modules: UnitModules = None,
-    feed: Feed = None,
-    roads: Roads = None,
-    govern: Govern = None,
-    admit: Admit = "refuse",
-    avoidance: Avoidance = True,
     duration: Duration = None,
     metrics: Metrics = None,
     log_level: LogLevel = "info",
 ) -> int:
     """One platform on any MAVLink vehicle, on a recorded flight, or on a specification alone."""
-    sysids = sysid or []
-    if len(set(unit)) < len(unit) or (len(unit) > 1 and mavlink is None):
-        raise WrongCall("--unit: several platforms join the vehicles of one --mavlink endpoint, each by its own name.")
-    if sysids and len(sysids) != len(unit):
-        raise WrongCall("--sysid: give one for each --unit, in the same order: --unit a --sysid 1 --unit b --sysid 2.")
+    lasts_us = duration_us(duration, option="--duration", least_us=SHORTEST_US) if duration else None
     configs = []
-    for at, name in enumerate(unit):
-        own = UnitFile(
-            mavlink=mavlink, sysid=sysids[at] if sysids else None, compid=compid, control="auto" if control == "auto" else control is not None,
-            floor_m=floor, ceiling_m=ceiling, range_m=range_, elevation=elevation,
-            signing_key=signing_key, unsigned=unsigned, forward=forward, forward_commands=forward_commands,
-            forward_beyond=forward_beyond, replay=replay, from_=from_, epoch=epoch, translation=translation,
-            spec=spec, modules=tuple(modules or ()), feed=feed, roads=roads, govern=govern, admit=admit,
-        )  # fmt: skip
-        if at == 0:
-            _check_sources(own)
-        vehicle, clock = _vehicle(call, own, speed or 1.0)
-        config = platform_config(
-            call,
-            name,
-            vehicle,
-            clock,
-            own,
-            avoidance=avoidance,
-            duration_s=duration_us(duration, option="--duration", least_us=SHORTEST_US) / 1e6 if duration else None,
-        )
-        configs.append(config)
+    for name, each in _units(unit, sysid or [], own):
+        vehicle, clock = _vehicle(call, each, speed or 1.0)
+        lasts_s = None if lasts_us is None else lasts_us / 1e6
+        configs.append(platform_config(call, name, vehicle, clock, each, duration_s=lasts_s))
     configs = with_metrics(configs, metrics)
     together(configs)
     fits_in(call, configs)
     return _run(call, configs, log_level)
+
+
+def _units(names: list[str], sysids: list[int], own: UnitFile) -> list[tuple[str, UnitFile]]:
+    """The platforms with their options, each with a vehicle of its own; raises WrongCall and TextErrors."""
+    if len(set(names)) < len(names) or (len(names) > 1 and own[EndpointOptions].mavlink is None):
+        raise WrongCall("--unit: several platforms join the vehicles of one --mavlink endpoint, each by its own name.")
+    if sysids and len(sysids) != len(names):
+        raise WrongCall("--sysid: give one for each --unit, in the same order: --unit a --sysid 1 --unit b --sysid 2.")
+    _check_sources(own)
+    each = [own.having(MavlinkOptions(sysid=sysid)) for sysid in sysids] or [own] * len(names)
+    return list(zip(names, each, strict=True))
 
 
 def _run(call: Call, configs: list[NodeConfig], log_level: str) -> int:
@@ -202,7 +134,9 @@ def _run(call: Call, configs: list[NodeConfig], log_level: str) -> int:
 
 def _say_joined(call: Call, config: NodeConfig, labels: list[str]) -> None:
     unit, vehicle = config.unit, config.vehicle
-    offers = f" offers {', '.join(labels) or 'no labels yet'}" if labels or config.spec is None else ""
+    offers = (
+        f" offers {', '.join(labels) or 'no labels yet'}" if labels or config[SpecificationOptions].spec is None else ""
+    )
     if isinstance(vehicle, MavlinkVehicle):
         whose = "" if vehicle.sysid is None else f"system {vehicle.sysid} at "
         offers += f" when it hears {whose}{vehicle.endpoint}"
@@ -244,9 +178,10 @@ def _check_specified(heard: list[dict[str, Any]], *, needed: bool) -> None:
 
 def _check_sources(own: UnitFile) -> None:
     """Whether there is something to run, and the files can be read; raises WrongCall and TextErrors."""
-    if own.mavlink is not None and own.replay is not None:
+    mavlink, replay = own[EndpointOptions].mavlink, own[ReplayOptions].replay
+    if mavlink is not None and replay is not None:
         raise WrongCall("a platform has one vehicle: give --mavlink or --replay, not both.")
-    if own.mavlink is None and own.replay is None and own.spec is None:
+    if mavlink is None and replay is None and own[SpecificationOptions].spec is None:
         raise WrongCall(
             "give the platform a vehicle, --mavlink udpin:127.0.0.1:14550 or --replay FILE for a recorded flight, "
             "or a specification of what it knows, --spec FILE.kpl."
@@ -277,18 +212,25 @@ def _vehicle(call: Call, own: UnitFile, speed: float) -> tuple[Vehicle, ClockCon
     """The vehicle of the platform, and the federation's clock as it needs it; raises WrongCall."""
     now_us = time.time_ns() // 1000
     check_forward(own, place="--forward")
-    if own.replay is None:
-        if own.mavlink is None:
+    recorded, link = own[ReplayOptions], own[MavlinkOptions]
+    if recorded.replay is None:
+        if own[EndpointOptions].mavlink is None:
             return NoVehicle(), clock_of(call.settings, None, now_us)
-        if speed != 1.0 or own.epoch is not None or own.from_ != "0s":
+        if speed != 1.0 or recorded.epoch is not None or recorded.from_ != "0s":
             raise WrongCall("--speed, --epoch and --from belong to --replay: a vehicle's own clock cannot be driven.")
         return mavlink_vehicle(own, place="--mavlink"), clock_of(call.settings, None, now_us)
-    if own.control or own.sysid is not None or own.compid is not None or own.signing_key is not None or own.unsigned:
+    if (
+        link.control
+        or link.sysid is not None
+        or link.compid is not None
+        or link.signing_key is not None
+        or link.unsigned
+    ):
         raise WrongCall(
             "--control, --sysid, --compid, --signing-key and --unsigned belong to --mavlink: a recording cannot be commanded."
         )
-    epoch = None if own.epoch == "now" else own.epoch
-    replay = replayed(own.replay, own.from_ or "0s", epoch or "now", now_us, place="--replay")
+    epoch = None if recorded.epoch == "now" else recorded.epoch
+    replay = replayed(recorded.replay, recorded.from_, epoch or "now", now_us, place="--replay")
     if epoch is None:
         # Now is when the process is there, in the time of the federation that it finds.
         replay = replay.model_copy(update={"epoch_us": None})

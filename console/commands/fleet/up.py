@@ -3,28 +3,30 @@
 import time
 from collections.abc import Iterable
 from pathlib import Path
-from typing import Annotated, Any
+from typing import Annotated, Any, TypeAlias
 
 import typer
 
-from console.arguments import Admit, Avoidance, Duration, Feed, Govern, Metrics, Roads, Speed, UnitModules
+from agents.capabilities.flight.options import FlightOptions
+from agents.specification.options import RunOptions, SpecificationOptions
+from console.arguments import Duration, Metrics, Speed
 from console.command import Call, command
 from console.commands.members.ls import ls
 from console.commands.texts.specification_files import check_specified
 from console.errors import DONE, FAILED, INTERRUPTED, NO
 from console.output.output import unit_json
 from console.output.shown import line, styled
-from console.processes.launch import FleetPlan, clock_of, fleet_of, specified, together, with_metrics
+from console.processes.launch import FleetPlan, clock_of, fleet_of, together, with_metrics
 from console.processes.scheduled import with_faults
 from console.processes.standing import forget, missing, note_state, running_units, started_units
 from console.processes.supervision import GRACE_S, Fleet, end, interruptible, outlasting, uninterrupted
+from dyknow.documents.durations import SHORTEST_US, duration_us
 from dyknow.model.errors import FederationFailed, Refused, TextError, WrongCall, did_you_mean
 from federation.members.clock import FederationClock
 from federation.members.directory import unit_order
 from runtime.configuration import run_directory
 from runtime.configuration.config import NodeConfig, SimulatedVehicleConfig
-from runtime.configuration.instants import SHORTEST_US, duration_us
-from runtime.configuration.settings import Persona, UnitFile
+from runtime.configuration.settings import UnitFile
 
 READY_S = 60.0
 _LEAD_US = 3_000_000
@@ -94,50 +96,50 @@ def _scenarios() -> list[str]:
     return list(NAMES)
 
 
+Scenario: TypeAlias = Annotated[
+    str,
+    typer.Option(
+        metavar="NAME",
+        help="crossing, emergency, encounter, hover, logistics, patrol, swarm or traffic.",
+        autocompletion=_scenarios,
+    ),
+]
+Seed: TypeAlias = Annotated[int, typer.Option(metavar="K", min=0, help="Wind, noise and routes follow from it.")]
+Faults: TypeAlias = Annotated[
+    list[str] | None,
+    typer.Option(metavar="FAULT", help="A fault that begins by itself: '0 dropped-box at load+4s' (repeatable)."),
+]
+FaultSeed: TypeAlias = Annotated[int | None, typer.Option(metavar="K", min=0, help="A fault for each, drawn from K.")]
+Detach: TypeAlias = Annotated[
+    bool, typer.Option("--detach", "-d", help="Return when all are ready; end them with down.")
+]
+Only: TypeAlias = Annotated[
+    list[str] | None,
+    typer.Option(metavar="U", help="Start only this one here; the others run elsewhere (repeatable)."),
+]
+SpecificationOfEach: TypeAlias = Annotated[
+    Path | None,
+    typer.Option(
+        metavar="FILE.kpl", help="The specification of each platform: its streams, exports, imports and monitors."
+    ),
+]
+
+
 @command(example="dyknow up 3 --scenario crossing --detach")
 def up(
     call: Call,
     units: Annotated[int, typer.Argument(metavar="[N]", min=1, max=250, help="How many UAVs.")] = 3,
     *,
-    scenario: Annotated[
-        str,
-        typer.Option(
-            metavar="NAME",
-            help="crossing, emergency, encounter, hover, logistics, patrol, swarm or traffic.",
-            autocompletion=_scenarios,
-        ),
-    ] = "patrol",
-    seed: Annotated[int, typer.Option(metavar="K", min=0, help="Wind, noise and routes follow from it.")] = 1,
+    scenario: Scenario = "patrol",
+    seed: Seed = 1,
     duration: Duration = None,
-    gcs: Annotated[
-        str | None, typer.Option(metavar="HOST:PORT", help="Every autopilot also speaks MAVLink to this UDP port.")
-    ] = None,
-    persona: Annotated[Persona, typer.Option(help="Whose MAVLink dialect the autopilots speak.")] = "ardupilot",
-    avoidance: Avoidance = True,
+    spec: SpecificationOfEach = None,
+    each: UnitFile,
     speed: Speed = 1.0,
-    fault: Annotated[
-        list[str] | None,
-        typer.Option(metavar="FAULT", help="A fault that begins by itself: '0 dropped-box at load+4s' (repeatable)."),
-    ] = None,
-    fault_seed: Annotated[int | None, typer.Option(metavar="K", min=0, help="A fault for each, drawn from K.")] = None,
-    detach: Annotated[
-        bool, typer.Option("--detach", "-d", help="Return when all are ready; end them with down.")
-    ] = False,
-    only: Annotated[
-        list[str] | None,
-        typer.Option(metavar="U", help="Start only this one here; the others run elsewhere (repeatable)."),
-    ] = None,
-    spec: Annotated[
-        Path | None,
-        typer.Option(
-            metavar="FILE.kpl", help="The specification of each platform: its streams, exports, imports and monitors."
-        ),
-    ] = None,
-    modules: UnitModules = None,
-    feed: Feed = None,
-    roads: Roads = None,
-    govern: Govern = None,
-    admit: Admit = "refuse",
+    fault: Faults = None,
+    fault_seed: FaultSeed = None,
+    detach: Detach = False,
+    only: Only = None,
     metrics: Metrics = None,
 ) -> int:
     """Start simulated UAVs, one process each, and wait until they have found each other.
@@ -145,19 +147,10 @@ def up(
     Over the streets of the scenario traffic, without --spec, each links cars and recognises their turns.
     Where some of them run already, those that are missing are started, one that has died as it was before.
     """
-    own = default_specification(scenario) if spec is None else None
-    each = UnitFile(
-        spec=spec if own is None else own.spec,
-        modules=(*(modules or ()), *(() if own is None else own.modules)),
-        feed=feed,
-        roads=roads,
-        govern=govern,
-        admit=admit,
-        floor_m=_FLOORS_M.get(scenario),
-    )
-    for own in (each, *call.settings.by_unit.values()):
-        check_specified(specified(own, each))
-    plan = FleetPlan(units, scenario, seed, persona, gcs, avoidance, speed, tuple(only or ()), each=each)
+    each = _with_specification(each, spec, scenario)
+    for own in (each, *(own.over(each) for own in call.settings.by_unit.values())):
+        check_specified(own)
+    plan = FleetPlan(units, scenario, seed, speed, tuple(only or ()), each=each)
     directory = run_directory.run_directory(call.settings.federation)
     present = sorted(running_units(directory), key=unit_order)
     faulty = with_faults(planned(call, plan, duration), fault or (), fault_seed)
@@ -172,12 +165,19 @@ def up(
     return _run(call, fleet, configs, present, detach=detach)
 
 
-def default_specification(scenario: str) -> UnitFile | None:
-    """The ready specification of a scenario, for platforms that are given no other; None: there is none."""
+def _with_specification(each: UnitFile, spec: Path | None, scenario: str) -> UnitFile:
+    """The options with the specification that was given, else with the ready one of the scenario, if any."""
     from sim_uavs.monitoring.specifications import READY
 
+    if scenario in _FLOORS_M:
+        each = each.having(FlightOptions(floor_m=_FLOORS_M[scenario]))
     ready = READY.get(scenario)
-    return None if ready is None else UnitFile(spec=ready.file, modules=ready.modules)
+    if spec is not None:
+        return each.having(SpecificationOptions(spec=spec))
+    if ready is None:
+        return each
+    modules = (*each[RunOptions].modules, *ready.modules)
+    return each.having(SpecificationOptions(spec=ready.file), RunOptions(modules=modules))
 
 
 def _run(call: Call, fleet: Fleet, configs: list[NodeConfig], present: list[str], *, detach: bool) -> int:
@@ -239,7 +239,7 @@ def _checked_scenario(name: str, simulated: int) -> None:
 
 def gathered(call: Call, fleet: Fleet, configs: list[NodeConfig], present: Iterable[str] = ()) -> FleetStart:
     """Start them and wait until each has found all others, those `present` included; raises FederationFailed."""
-    reading = [config.unit for config in configs if config.spec is not None]
+    reading = [config.unit for config in configs if config[SpecificationOptions].spec is not None]
     gathering = FleetStart([config.unit for config in configs], present, reading)
     for group in together(configs):
         fleet.start_together({config.unit: config.model_dump_json() for config in group})

@@ -10,9 +10,9 @@ from console.command import Call, command
 from console.errors import DONE, NO
 from console.output.output import unit_json
 from console.output.shown import Shown, styled
+from dyknow.documents.durations import SHORTEST_US, duration_us
 from dyknow.model.instants import print_span
 from reasoning.features.bands import ConflictBand
-from runtime.configuration.instants import SHORTEST_US, duration_us
 from runtime.library.pictures import bands as pictures
 from runtime.library.pictures.bands import BandsPicture, ClearanceRow
 

@@ -11,11 +11,12 @@ from console.commands.members.query import value_text
 from console.errors import DONE, NO
 from console.output.output import unit_json
 from console.output.shown import styled
+from dyknow.documents.durations import SHORTEST_US, duration_us
 from dyknow.model.errors import FederationFailed
 from dyknow.model.instants import print_span
 from federation.calls.proposals import CallNews
 from runtime.client import Client
-from runtime.configuration.instants import SHORTEST_US, clock_time, duration_us
+from runtime.configuration.instants import clock_time
 from runtime.library.calls import CallItem, OpenCall, wanted_of
 from runtime.library.meanings import meaning_to
 from runtime.library.results import UnitSample

@@ -10,6 +10,7 @@ from console.command import Call, command, search_working_directory
 from console.errors import DONE, INTERRUPTED, NO, WRONG
 from console.output.output import unit_json
 from console.output.shown import Shown, line, styled
+from dyknow.documents.durations import SHORTEST_US, duration_us
 from dyknow.model.errors import FederationFailed, NothingFound, TextError, WrongCall
 from federation.messages.acts import Act, Performative
 from federation.messages.contents import (
@@ -23,7 +24,7 @@ from federation.messages.contents import (
 )
 from federation.messages.dialogue import Dialogue
 from runtime.client import Client
-from runtime.configuration.instants import SHORTEST_US, clock_time, duration_us
+from runtime.configuration.instants import clock_time
 from runtime.configuration.settings import load
 from runtime.configuration.wording import content_with, typed, values_of
 from runtime.library.jobs import begin_task, listed_tasks, running_already, state_of

@@ -12,12 +12,12 @@ from console.command import Call, command
 from console.errors import DONE, NO
 from console.output.output import unit_json
 from console.output.shown import styled
+from dyknow.documents.durations import SHORTEST_US, duration_us
 from dyknow.model.instants import US_PER_S, print_span
 from federation.messages.acts import Performative
 from federation.messages.contents import Query, Samples
 from federation.messages.dialogue import Dialogue
 from runtime.client import Client
-from runtime.configuration.instants import SHORTEST_US, duration_us
 from runtime.library.jobs import SET_UP_S, request_streams
 from runtime.library.questions import GRACE_S, check_label, check_streamed
 

@@ -13,13 +13,14 @@ from console.errors import DONE, NO
 from console.output.output import unit_json
 from console.output.predictions import prediction_json, prediction_text
 from console.output.shown import Shown, styled
+from dyknow.documents.durations import SHORTEST_US, duration_us
 from dyknow.model.errors import NothingFound, WrongCall
 from dyknow.model.instants import print_span
 from dyknow.model.sample import Predicted
 from dyknow.model.semantic_labels import SemanticLabel
 from dyknow.model.values import NoValue
 from federation.messages.contents import Query, Reading
-from runtime.configuration.instants import SHORTEST_US, clock_time, duration_us
+from runtime.configuration.instants import clock_time
 from runtime.library.jobs import readings_of, readings_via
 from runtime.library.meanings import differing, meaning_to
 from runtime.library.questions import Which, age_of, check_name, is_own_label, query_of

@@ -12,6 +12,7 @@ from console.errors import DONE, NO
 from console.output.output import unit_json
 from console.output.predictions import prediction_json, prediction_text
 from console.output.shown import styled
+from dyknow.documents.durations import SHORTEST_US, duration_us
 from dyknow.model.errors import FederationFailed, WrongCall
 from dyknow.model.instants import print_span
 from dyknow.model.values import NO_VALUE
@@ -20,7 +21,7 @@ from federation.messages.codec import StreamSample
 from federation.messages.contents import Query, Samples
 from federation.messages.dialogue import Dialogue
 from runtime.client import Client
-from runtime.configuration.instants import SHORTEST_US, clock_time, duration_us, instant_us
+from runtime.configuration.instants import clock_time, instant_us
 from runtime.library.jobs import SET_UP_S, agreeing, request_streams
 from runtime.library.meanings import differing, meaning_to, record_of
 from runtime.library.questions import check_label, check_streamed

@@ -11,11 +11,12 @@ from console.commands.texts.specification_files import read_text
 from console.errors import DONE, INTERRUPTED, NO
 from console.output.output import unit_json
 from console.output.shown import styled
+from dyknow.documents.durations import SHORTEST_US, duration_us
 from dyknow.model.errors import FederationFailed
 from federation.messages.contents import Done, MissionEntry, MissionProposal, Progress, Reason
 from federation.messages.dialogue import Dialogue
 from runtime.client import Client
-from runtime.configuration.instants import SHORTEST_US, clock_time, duration_us
+from runtime.configuration.instants import clock_time
 from runtime.library.jobs import state_of
 from runtime.library.missions import (
     MissionRequest,

@@ -10,8 +10,8 @@ import typer
 from console.command import Call, command
 from console.commands.objects.documents import as_text, read_document
 from console.errors import DONE, NO
+from dyknow.documents.durations import duration_us
 from dyknow.model.instants import print_span
-from runtime.configuration.instants import duration_us
 
 if TYPE_CHECKING:
     from planning.contingent.conditional_plans import ConditionalPlan

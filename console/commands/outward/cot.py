@@ -18,11 +18,11 @@ from console.commands.outward.passing import (
 )
 from console.picture.differences import Row
 from console.picture.things import AIRCRAFT, PLATFORM_LABELS, ThingState, ThingStates
+from dyknow.documents.durations import SHORTEST_US, duration_us
 from dyknow.model.errors import WrongCall
 from proxies.outward.cot import ALARM, UAV, UNKNOWN_AIR, UNKNOWN_GROUND, CotMotion, CotPoint, cot_event
 from proxies.outward.outlets import Outlet, parse_destination
 from runtime.client import Client
-from runtime.configuration.instants import SHORTEST_US, duration_us
 
 
 @command(example="dyknow cot --to udp://127.0.0.1:6969 --alarms")

@@ -13,8 +13,8 @@ from console.errors import DONE, INTERRUPTED
 from console.output.output import counted
 from console.output.shown import line, styled
 from console.processes.supervision import interruptible
+from dyknow.documents.durations import SHORTEST_US, duration_us
 from runtime.client import Client
-from runtime.configuration.instants import SHORTEST_US, duration_us
 from runtime.library.questions import check_streamed
 from runtime.recorder.live import LiveServer
 

@@ -16,11 +16,11 @@ from console.commands.outward.passing import (
     send,
 )
 from console.picture.things import PLATFORM_LABELS, ThingState, ThingStates
+from dyknow.documents.durations import SHORTEST_US, duration_us
 from dyknow.model.errors import WrongCall
 from proxies.outward.outlets import Outlet, parse_destination
 from proxies.outward.remote_id import RemoteIdMessages, RemoteIdState, check_serial
 from runtime.client import Client
-from runtime.configuration.instants import SHORTEST_US, duration_us
 
 
 @command(example="dyknow remote-id --to udp://127.0.0.1:14560 --serial 7=1A2B5X7Y9Z")

@@ -18,8 +18,8 @@ from console.command import Call, command
 from console.errors import DONE
 from console.output.shown import line, styled
 from console.web.access import Access
+from dyknow.documents.durations import SHORTEST_US, duration_us
 from dyknow.model.errors import WrongCall
-from runtime.configuration.instants import SHORTEST_US, duration_us
 
 if TYPE_CHECKING:
     from console.web.feeds import RecordedFeed

@@ -15,10 +15,10 @@ from console.errors import DONE, FAILED, INTERRUPTED
 from console.output.output import counted
 from console.output.shown import line, styled
 from console.processes.supervision import interruptible
+from dyknow.documents.durations import SHORTEST_US, duration_us
 from dyknow.model.errors import WrongCall
 from dyknow.model.instants import print_span
 from runtime.client import Client
-from runtime.configuration.instants import SHORTEST_US, duration_us
 from runtime.library.questions import check_streamed
 from runtime.recorder.recorder import Recorder
 from runtime.recordings.recording_file import ACT, ALARM, SAMPLE, RecordingFile

@@ -6,6 +6,7 @@ from typing import Annotated, Any
 
 import typer
 
+from agents.capabilities.flight.options import AvoidanceOptions
 from console.arguments import Speed
 from console.command import Call, command
 from console.commands.fleet.join import fits_in
@@ -16,13 +17,15 @@ from console.output.output import counted, unit_json
 from console.output.shown import line, styled
 from console.processes.launch import platform_config
 from console.processes.supervision import Fleet, interruptible, outlasting, uninterrupted
+from dyknow.documents.durations import duration_us
 from dyknow.model.errors import FederationFailed, NothingFound, WrongCall
 from dyknow.model.instants import print_span
 from federation.members.clock import FederationClock
 from federation.members.directory import unit_order
 from runtime.configuration.config import ClockConfig, NodeConfig, RecordedVehicle
-from runtime.configuration.instants import clock_time, duration_us
+from runtime.configuration.instants import clock_time
 from runtime.configuration.run_directory import JOINED, ProcessState, run_directory, this_process, write_state
+from runtime.configuration.settings import UnitFile
 from runtime.recordings.playback import shift_us
 from runtime.recordings.recorded import FederationRecording
 from runtime.recordings.summary import RecordingSummary, summary_of
@@ -58,7 +61,8 @@ def replay(
     recorded = RecordedVehicle(
         file=file.resolve(), first_us=found.first_us, from_us=from_us, begin_us=begin_us, alarms=alarms, stays=stay
     )
-    configs = [platform_config(call, unit, _of_unit(recorded, unit, found), clock, avoidance=False) for unit in units]
+    own = UnitFile().having(AvoidanceOptions(avoidance=False))
+    configs = [platform_config(call, unit, _of_unit(recorded, unit, found), clock, own) for unit in units]
     fits_in(call, configs)
     return _run(call, configs, found, recorded)
 

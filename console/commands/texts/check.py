@@ -12,9 +12,10 @@ from console.command import Call, command
 from console.commands.texts.specification_files import read_lines
 from console.errors import DONE, NO
 from console.output.shown import line, stacked, styled
+from dyknow.documents.durations import SHORTEST_US, duration_us
 from dyknow.model.errors import WrongCall, did_you_mean
 from dyknow.model.values import NO_VALUE
-from runtime.configuration.instants import SHORTEST_US, clock_time, duration_us
+from runtime.configuration.instants import clock_time
 
 if TYPE_CHECKING:
     from reasoning import Trace

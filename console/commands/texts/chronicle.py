@@ -13,8 +13,9 @@ from console.commands.texts.specification_files import opened, read_text
 from console.errors import DONE, NO
 from console.output.output import unit_json
 from console.output.shown import line, styled
+from dyknow.documents.durations import SHORTEST_US, duration_us
 from dyknow.model.errors import ChronicleError, TextError, WrongCall, did_you_mean
-from runtime.configuration.instants import SHORTEST_US, clock_time, duration_us
+from runtime.configuration.instants import clock_time
 
 if TYPE_CHECKING:
     from federation.messages.contents import Content, Expected

@@ -9,9 +9,9 @@ import typer
 from console.command import Call, command
 from console.commands.texts.specification_files import read_text
 from console.errors import DONE, NO
+from dyknow.documents.durations import duration_us
 from dyknow.model.errors import WrongCall
 from dyknow.model.instants import print_span
-from runtime.configuration.instants import duration_us
 
 if TYPE_CHECKING:
     from planning import Declarations, NoPlan, PlanFound

@@ -6,6 +6,7 @@ from contextlib import contextmanager
 from pathlib import Path
 from typing import TYPE_CHECKING, BinaryIO, TypeVar
 
+from agents.specification.options import RunOptions, SpecificationOptions
 from dyknow.model.errors import SourceText, WrongCall
 from proxies.files.named_files import bounded_text, opened_file, text_lines
 
@@ -89,17 +90,18 @@ def check_specified(own: "UnitFile") -> None:
     """Whether what a platform is to run can be read; raises WrongCall, TextErrors and RoadsError."""
     from runtime.configuration.road_files import read_roads
 
-    if own.spec is not None:
+    spec, run = own[SpecificationOptions].spec, own[RunOptions]
+    if spec is not None:
         from kpl import parse_specification
         from proxies.files.named_files import beside
 
-        parse_specification(read_text(own.spec), beside(own.spec))
-    elif own.feed is not None:
+        parse_specification(read_text(spec), beside(spec))
+    elif run.feed is not None:
         raise WrongCall("--feed: samples are for the sources of a specification; give it with --spec FILE.kpl.")
-    if own.feed is not None:
-        read_samples(own.feed)
-    if own.roads is not None:
-        read_roads(own.roads)
+    if run.feed is not None:
+        read_samples(run.feed)
+    if run.roads is not None:
+        read_roads(run.roads)
 
 
 def instance_of(

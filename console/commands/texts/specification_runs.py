@@ -11,7 +11,8 @@ from typing import IO, TYPE_CHECKING, Annotated, Any
 
 import typer
 
-from console.arguments import Admit, Duration, Feed, Govern, Roads, SpecificationFile, UnitModules
+from agents.specification.options import RunOptions
+from console.arguments import Duration, SpecificationFile
 from console.command import Call, command
 from console.commands.texts.graphs import GraphForm, show_graph
 from console.commands.texts.run_output import tell_record
@@ -19,10 +20,10 @@ from console.commands.texts.specification_files import instance_of, read_samples
 from console.errors import DONE, INTERRUPTED
 from console.output.shown import line, styled
 from dyknow import Sample, earlier
+from dyknow.documents.durations import SHORTEST_US, duration_us
 from dyknow.model.errors import DyknowError, TextErrors, WrongCall
 from proxies.files.named_files import beside
 from proxies.files.watched_file import WatchedFiles
-from runtime.configuration.instants import SHORTEST_US, duration_us
 
 if TYPE_CHECKING:
     from agents.effects import Computed
@@ -278,9 +279,7 @@ def run(
     call: Call,
     file: SpecificationFile,
     *,
-    feed: Feed = None,
-    modules: UnitModules = None,
-    roads: Roads = None,
+    options: RunOptions,
     unit: Annotated[str, typer.Option(metavar="U", help="The unit for `self`.")] = "0",
     pace: Annotated[
         float | None,
@@ -295,8 +294,6 @@ def run(
     watch: Annotated[
         bool, typer.Option("--watch", help="Load the file again whenever it, or a file it names, is changed.")
     ] = False,
-    govern: Govern = None,
-    admit: Admit = "refuse",
     graph: Annotated[
         GraphForm | None, typer.Option("--graph", help="In the end show the network, with rates, delays and drops.")
     ] = None,
@@ -304,23 +301,24 @@ def run(
     """Run a specification in an instance of its own and show its streams and alarms; Ctrl-C ends it."""
     if pace is not None and not 0 <= pace <= MAX_SPEED:
         raise WrongCall(f"--speed is how many times as fast as the wall, 0 for as fast as it goes; got {pace:g}.")
-    read = (file, feed, roads, *map(Path, modules or ()))
+    feed = options.feed
+    read = (file, feed, options.roads, *map(Path, options.modules))
     if record is not None and any(_same(record, each) for each in read if each is not None):
         raise WrongCall(f"--record: {record} is read by this run; write to another file.")
     watched = WatchedFiles(file) if watch else None  # before it is read, so that a change meanwhile is noticed
     text = read_text(file)
     fed = [] if feed is None else read_samples(feed)
     speed = (0.0 if feed is not None else 1.0) if pace is None else pace
-    running = Run(call, file, fed, modules or (), unit, speed, roads)
+    running = Run(call, file, fed, options.modules, unit, speed, options.roads)
     lasts_us = None if duration is None else duration_us(duration, option="--duration", least_us=SHORTEST_US)
     with ExitStack() as stack:
         if record is not None:
             running.record(stack.enter_context(_created(record)), text)
-        running.instance.compiler.admission = admit
+        running.instance.compiler.admission = options.admit
         if watched is not None:
             running.read_named = watched.read_named
-        if govern is not None:
-            running.govern(duration_us(govern, option="--govern", least_us=SHORTEST_US))
+        if options.govern_us is not None:
+            running.govern(options.govern_us)
         running.specify(text)
         _tell_idle(call, running, fed, feed, file)
         try:

@@ -5,7 +5,9 @@ from random import Random
 
 import pytest
 
+from agents.capabilities.flight.options import AvoidanceOptions
 from agents.monitoring.alarm_log import AlarmLog
+from agents.options import Chosen
 from agents.platform import Platform
 from federation import keys
 from federation.messages.acts import Performative
@@ -191,8 +193,8 @@ def test_an_answer_about_the_log_does_not_hold_the_log_again(wire: Box) -> None:
 
 
 def test_who_follows_the_log_is_sent_all_else_that_it_asked_for(wire: Box) -> None:
-    wire.fly("0", 0.0, 0.0, 4.0, avoidance=False)
-    wire.fly("1", 60.0, 3.0, -4.0, avoidance=False)
+    wire.fly("0", 0.0, 0.0, 4.0, options=Chosen(AvoidanceOptions(avoidance=False)))
+    wire.fly("1", 60.0, 3.0, -4.0, options=Chosen(AvoidanceOptions(avoidance=False)))
     wire.centre()
     wire.run(2.0)
     wire.ask("cc", "0", Acts(), P.SUBSCRIBE)

@@ -8,8 +8,10 @@ import pytest
 
 from agents.actions import Action
 from agents.admission import admission
+from agents.capabilities.flight.options import AvoidanceOptions
 from agents.directory.directory import DirectoryAgent
 from agents.extensions import own_parts
+from agents.options import Chosen
 from agents.part import Part
 from agents.platform import Platform
 from federation import keys
@@ -51,7 +53,12 @@ class Blank(NamedTuple):
 
 def federation(wire: Box, **zero: Any) -> Platform:
     """Platform 0 flies and monitors 1 and 2; 1 and 2 follow it."""
-    common = {"contained": True, "control": True, "simulated": True, "avoidance": False}
+    common = {
+        "contained": True,
+        "control": True,
+        "simulated": True,
+        "options": Chosen(AvoidanceOptions(avoidance=False)),
+    }
     for at, unit in enumerate("012"):
         vehicle = Vehicle(east_m=(0.0, 150.0, 25.0)[at], altitude_m=100.0 + 2 * at, battery=0.8)
         wire.join(unit, vehicle, **{**common, **(zero if unit == "0" else {})})

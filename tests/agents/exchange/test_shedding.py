@@ -8,6 +8,8 @@ from hypothesis import given, settings
 from hypothesis import strategies as st
 
 from agents.effects import Pressed
+from agents.exchange.options import SheddingOptions
+from agents.options import Chosen
 from agents.shedding import EASIER_US, EVERY, HARDER_US, Shedding
 from federation import keys
 from federation.messages.acts import Performative
@@ -179,7 +181,7 @@ def test_a_member_that_says_it_sends_less_and_does_so_is_shown_as_unknown(wire: 
 
 
 def test_who_may_not_shed_sends_all(wire: Box) -> None:
-    platform = wire.fly("0", 0, 0, shedding=False)
+    platform = wire.fly("0", 0, 0, options=Chosen(SheddingOptions(shedding=False)))
     wire.run(0.5)
     press(wire, "0", 1.0, 5.0)
     assert (platform.part(Shedding).level, platform.built.exporter.shed) == (0, 1)

@@ -11,6 +11,8 @@ from agents.effects import HostCame, HostMessage
 from agents.exchange.subscription_keeper import SubscriptionKeeper
 from agents.hosts.knowledge_host import KnowledgeHost
 from agents.hosts.outbox import Outbox
+from agents.options import Chosen
+from agents.specification.options import RunOptions
 from agents.specification.specification_part import SpecificationPart
 from compunits import catalogue
 from dyknow import Label, Quality, Sample, SourcePrototype, computational_unit, prototypes_in, source
@@ -292,7 +294,7 @@ def test_what_is_said_of_a_sample_goes_with_it_to_other_platforms():
 
 def test_a_governed_platform_may_listen_to_its_governor_from_the_first_specification_on():
     pair = Pair()
-    pair.world.add("0", PlatformConfig("0", 0, govern_us=50_000))
+    pair.world.add("0", PlatformConfig("0", 0, options=Chosen(RunOptions(govern="50ms"))))
     pair.specify("0", "stream told = refinements\nstream late = stream_delay[worst]\n")
     pair.world.run_for(1)
     assert pair.notes("0") == []

@@ -5,6 +5,7 @@ from typing import Any
 
 import pytest
 
+from agents.capabilities.flight.options import AvoidanceOptions, FlightOptions
 from console.command import Call
 from console.commands.fleet.up import planned
 from console.output.output import Output
@@ -79,7 +80,7 @@ def test_a_federations_file_has_its_say_per_unit(tmp_path: Path) -> None:
     second, visitor, log = configs["1"].vehicle, configs["visitor"].vehicle, configs["log"].vehicle
     assert isinstance(second, SimulatedVehicleConfig)
     assert (second.persona, second.index, second.count) == ("px4", 1, 2)
-    assert (configs["0"].avoidance, configs["1"].avoidance) == (True, False)
+    assert [configs[unit][AvoidanceOptions].avoidance for unit in ("0", "1")] == [True, False]
     assert isinstance(visitor, MavlinkVehicle)
     assert (visitor.endpoint, visitor.sysid, visitor.control) == ("udpin:127.0.0.1:14560", 3, True)
     assert isinstance(log, ReplayedVehicle)
@@ -94,8 +95,8 @@ def test_the_elevation_of_a_federations_file_is_relative_to_it_and_looked_at_bef
     tile.write_bytes(tile_bytes(55, 13, lambda latitudes, _: 0.0 * latitudes))
     own = Call(load({"federation": str(tmp_path / "federation.toml")}, None), Output(json_lines=True))
     zero, one = fleet_of(own, PLAN, NOW_US)
-    assert (zero.elevation, zero.floor_m) == (tile, 20.0)
-    assert one.elevation is None
+    assert (zero[FlightOptions].elevation, zero[FlightOptions].floor_m) == (tile, 20.0)
+    assert one[FlightOptions].elevation is None
     tile.write_bytes(tile.read_bytes()[:-1])
     with pytest.raises(WrongCall, match=r"--elevation: .*N55E013\.hgt: a tile has .* bytes, and this 2884801"):
         fleet_of(own, PLAN, NOW_US)
@@ -174,7 +175,7 @@ def test_a_faster_clock_begins_now_and_is_one_for_all() -> None:
 @pytest.mark.parametrize("gcs", ["127.0.0.1", "here:there", ":14550", "127.0.0.1:0"])
 def test_a_ground_station_needs_host_and_port(gcs: str) -> None:
     with pytest.raises(WrongCall, match="--gcs"):
-        _vehicles(_call(), gcs=gcs)
+        _vehicles(_call(gcs=gcs))
 
 
 @pytest.mark.parametrize(
@@ -244,6 +245,12 @@ def test_each_platform_runs_the_specification_of_the_command_unless_the_file_has
     each = UnitFile(spec=Path("/all.kpl"), admit="longer")
     call = Call(load({"federation": str(path)}, None), Output(json_lines=True))
     first, second = fleet_of(call, PLAN._replace(each=each), NOW_US)
-    assert (first.spec, first.units, first.feed, first.govern_ms, first.admit) == (each.spec, (), None, None, "longer")
+    assert (first.spec, first.modules, first.feed, first.govern_us, first.admit) == (
+        each.spec,
+        (),
+        None,
+        None,
+        "longer",
+    )
     assert (second.spec, second.feed) == (tmp_path / "own.kpl", tmp_path / "f.jsonl")
-    assert (second.units, second.govern_ms, second.admit) == ((str(tmp_path / "gps.py"),), 50.0, "longer")
+    assert (second.modules, second.govern_us, second.admit) == ((str(tmp_path / "gps.py"),), 50_000, "longer")

@@ -2,8 +2,9 @@ import pytest
 from hypothesis import given
 from hypothesis import strategies as st
 
+from dyknow.documents.durations import duration_us
 from dyknow.model.errors import WrongCall
-from runtime.configuration.instants import duration_us, instant_us
+from runtime.configuration.instants import instant_us
 
 NOW = 1_700_000_000_000_000
 

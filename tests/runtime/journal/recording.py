@@ -8,8 +8,10 @@ from dataclasses import asdict
 from pathlib import Path
 from typing import Any
 
+from agents.capabilities.flight.options import AvoidanceOptions
 from agents.config import PlatformConfig
 from agents.effects import Fed, LeaveRequested, Specify
+from agents.options import Chosen
 from federation.messages.contents import MonitorProximity
 from navigation.geodesy import LocalFrame
 from proxies.recordings.journal_file import CLOCK_EPOCH, CLOCK_SPEED, read_about, read_journal
@@ -75,7 +77,14 @@ def record(path: Path, config: str, specification: Specify) -> None:
         vehicle = SimulatedVehicle(VehicleConfig(number + 1, home, airborne_m=40.0, seed=1), world.now_us)
         world.add(
             str(number),
-            PlatformConfig(str(number), 0, control=True, avoidance=number == 0, simulated=True, plan=plan),
+            PlatformConfig(
+                str(number),
+                0,
+                control=True,
+                options=Chosen(AvoidanceOptions(avoidance=number == 0)),
+                simulated=True,
+                plan=plan,
+            ),
             vehicle,
         )
     world.add_command_centre()

@@ -3,13 +3,14 @@
 import pytest
 
 import dyknow
+from dyknow.documents.durations import duration_us
 from dyknow.model.errors import WrongCall
-from runtime.configuration.instants import duration_us, instant_us
+from runtime.configuration.instants import instant_us
 
 
 @pytest.mark.parametrize("units", ["a.py", ("a.py",), ["a.py"]])
 def test_one_module_or_several(units) -> None:
-    assert dyknow.join("7", units=units)._process.config.units == ("a.py",)
+    assert dyknow.join("7", units=units)._process.config.modules == ("a.py",)
 
 
 @pytest.mark.parametrize("units", [3, {"a.py": 1}, (3,), None])

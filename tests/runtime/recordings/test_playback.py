@@ -6,8 +6,10 @@ import pytest
 from hypothesis import given
 from hypothesis import strategies as st
 
+from agents.capabilities.flight.options import AvoidanceOptions
 from agents.config import PlatformConfig
 from agents.monitoring.alarm_log import AlarmLog
+from agents.options import Chosen
 from agents.playback.recorded_platform import OffersPlayed, Played, PlayedSample, RecordedPlatform
 from federation.messages.contents import MonitorProximity, Query, Samples
 from runtime.configuration.config import RecordedVehicle
@@ -32,7 +34,9 @@ def recorded(begin_us: int, from_us: int = 0, **more: Any) -> RecordedVehicle:
 
 def join(world: Box, unit: str) -> None:
     """A platform that is played back: without a vehicle."""
-    config = PlatformConfig(unit, 0, clock=world.clock, avoidance=False, extensions=(RecordedPlatform,))
+    config = PlatformConfig(
+        unit, 0, clock=world.clock, options=Chosen(AvoidanceOptions(avoidance=False)), extensions=(RecordedPlatform,)
+    )
     world.add(unit, config)
 
 

@@ -3,7 +3,7 @@
 import pytest
 from pymavlink.dialects.v20 import all as mavlink
 
-from agents.capabilities.separation.own_intent import OwnIntent
+from agents.capabilities.separation.own.own_intent import OwnIntent
 from navigation.intents.intent import IntentEnding, IntentSource
 from navigation.mission_plans import MissionStep
 from sim_uavs.dynamics.flight import Mode

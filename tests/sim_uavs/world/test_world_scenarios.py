@@ -2,6 +2,8 @@
 
 import pytest
 
+from agents.capabilities.flight.options import AvoidanceOptions
+from agents.options import Chosen
 from federation.messages.acts import Performative
 from federation.messages.contents import Answers, MonitorProximity, Query
 from federation.sharing.ontology import default_ontology
@@ -57,7 +59,7 @@ def test_told_not_to_give_way_they_meet_and_both_alarms_open():
     assert min(metres for _, metres in separations_m(world, "0", "1")) < 5.0
 
 
-@pytest.mark.parametrize("partner", [{"control": False}, {"avoidance": False}])
+@pytest.mark.parametrize("partner", [{"control": False}, {"options": Chosen(AvoidanceOptions(avoidance=False))}])
 def test_one_that_cannot_be_commanded_is_avoided_by_the_other(partner):
     world = fly_scenario(2, "crossing", 2, settings={"0": partner})
     node, plan = world.nodes["0"], world.platform("0").config.plan

@@ -6,6 +6,8 @@ from typing import Any
 import pytest
 
 from agents.capabilities.flight.flight import FlightAgent
+from agents.capabilities.flight.options import AvoidanceOptions
+from agents.options import Chosen
 from agents.places import FlightPlan, Waypoint
 from federation.messages.acts import Performative
 from federation.messages.contents import Content, Done, FlightOutlook, Goto, Hold, Reason, Resume, ReturnHome
@@ -155,7 +157,7 @@ def test_a_vehicle_in_a_mode_without_giving_way_shows_it(wire: Box) -> None:
     [
         (Vehicle(guided=False, mode="AUTO"), {"missions": True}),
         (Vehicle(guided=False, mode="AUTO", airborne=False), {}),
-        (Vehicle(guided=False, mode="AUTO"), {"avoidance": False}),
+        (Vehicle(guided=False, mode="AUTO"), {"options": Chosen(AvoidanceOptions(avoidance=False))}),
     ],
 )
 def test_where_a_mission_may_be_interrupted_or_nothing_flies_there_is_nothing_to_show(

@@ -5,6 +5,7 @@ from typing import Any
 
 import pytest
 
+from agents.capabilities.flight.options import AvoidanceOptions
 from agents.capabilities.separation.giving_way import GivingWay
 from agents.capabilities.separation.neighbourhood import Neighbourhood
 from agents.capabilities.separation.neighbours import CREDIBLE_US, MOST, Neighbours, contradiction, tube_of
@@ -12,6 +13,7 @@ from agents.capabilities.separation.often import PURSUES, REPORTS, Often
 from agents.capabilities.separation.records import legs_of, legs_text
 from agents.capabilities.separation.situation import Fly, GoOn, ManoeuvreState, Propose
 from agents.monitoring.alarm_log import AlarmLog
+from agents.options import Chosen
 from agents.places import Fix
 from federation.messages.contents import Avoid, MonitorProximity
 from navigation.intents.intent import IntendedPlace, Intent, IntentEnding, IntentSource, RightOfWay
@@ -31,7 +33,9 @@ def part_of(wire: Box, unit: str) -> Neighbourhood:
 def head_on_with(wire: Box, lie: Callable[[Intent], Intent | None]) -> None:
     """Platform 1 flies at platform 0, may not be commanded, and publishes `lie` of its intent (None: nothing)."""
     wire.join("0", Vehicle(east_m=-100.0, east_m_s=4.0, altitude_m=102.0), control=True)
-    wire.join("1", Vehicle(east_m=100.0, east_m_s=-4.0), control=True, avoidance=False)
+    wire.join(
+        "1", Vehicle(east_m=100.0, east_m_s=-4.0), control=True, options=Chosen(AvoidanceOptions(avoidance=False))
+    )
     wire.centre()
     part = part_of(wire, "1")
     truth = part.intent

@@ -1,13 +1,18 @@
 """One record for each encounter: what both sides did, in one order, as a recording has it."""
 
+from pathlib import Path
+
+from agents.capabilities.separation.options import EncounterOptions
 from agents.effects import KeepEncounter
+from agents.options import Chosen
 from federation.messages.contents import MonitorProximity
 from sim_uavs.world.world import World
 from tests.sim_uavs.worlds import fly_scenario
 
 
 def flown(**settings: object) -> World:
-    world = fly_scenario(1, "crossing", 2, settings={unit: {"encounters": True, **settings} for unit in "01"})
+    own = {"options": Chosen(EncounterOptions(encounters=Path("kept"))), **settings}
+    world = fly_scenario(1, "crossing", 2, settings=dict.fromkeys("01", own))
     world.run_for(2)
     world.ask("cc", "0", MonitorProximity())
     world.run_for(70)

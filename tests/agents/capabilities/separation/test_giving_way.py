@@ -4,9 +4,11 @@ from typing import Any
 
 import pytest
 
+from agents.capabilities.flight.options import AvoidanceOptions
 from agents.capabilities.separation.giving_way import GivingWay
 from agents.capabilities.separation.neighbourhood import Neighbourhood
 from agents.monitoring.alarm_log import AlarmLog
+from agents.options import Chosen
 from agents.places import FlightPlan, Waypoint
 from federation.messages.contents import Goto, Hold
 from navigation.intents.intent import IntentSource
@@ -51,7 +53,7 @@ def test_one_that_may_not_be_commanded_is_avoided_by_the_other(wire: Box, state:
     assert any(line.startswith("0 agrees with 1: leaves all of it to 0") for line in notes(wire, "0"))
 
 
-@pytest.mark.parametrize("one", [{"control": False}, {"avoidance": False}])
+@pytest.mark.parametrize("one", [{"control": False}, {"options": Chosen(AvoidanceOptions(avoidance=False))}])
 def test_one_without_leave_is_avoided_by_the_other(wire: Box, one: dict[str, Any]) -> None:
     meeting(wire, one=one)
     wire.run(18.0)

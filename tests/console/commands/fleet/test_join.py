@@ -9,12 +9,13 @@ from console.command import Call
 from console.commands.fleet.join import join
 from dyknow.model.errors import WrongCall
 from federation.members.clock import FederationClock
+from runtime.configuration.settings import UnitFile
 from tests.box import EPOCH, Box
 from tests.proxies import logs
 
 
 def _join(call: Call, unit: str, file: Path, *, speed: float = 1.0, from_: str = "0s") -> int:
-    return join(call, unit=unit, replay=file, from_=from_, speed=speed)
+    return join(call, unit=unit, own=UnitFile(replay=file, from_=from_), speed=speed)
 
 
 @pytest.fixture
@@ -50,4 +51,5 @@ def test_an_elevation_file_that_is_cut_is_refused_before_anything_starts(call: C
         "ncols 40\nnrows 30\nxllcorner 436000\nyllcorner 6180000\ncellsize 50\n" + "1 " * 1200
     )
     with pytest.raises(WrongCall, match=r"--elevation: .*ground\.asc: header: cells of 50 are no degrees .*gdalwarp"):
-        join(call, unit="1", mavlink="udpin:127.0.0.1:0", control="guided", elevation=tmp_path / "ground.asc")
+        own = UnitFile(mavlink="udpin:127.0.0.1:0", control="guided", elevation=tmp_path / "ground.asc")
+        join(call, unit="1", own=own)

@@ -8,6 +8,8 @@ from types import SimpleNamespace
 
 from pytest import MonkeyPatch
 
+from agents.capabilities.flight.options import AvoidanceOptions
+from agents.options import Chosen
 from console.centre import client
 from console.command import Call
 from console.commands.recordings.record import record
@@ -23,8 +25,8 @@ LABELS = ["heli-position", "heli-altitude", "heli-velocity"]
 def encounter() -> Box:
     """The world: they meet after 12.5 seconds, 3 m apart."""
     world = Box()
-    world.fly("0", 0.0, 0.0, 4.0, avoidance=False)
-    world.fly("1", 100.0, 3.0, -4.0, avoidance=False)
+    world.fly("0", 0.0, 0.0, 4.0, options=Chosen(AvoidanceOptions(avoidance=False)))
+    world.fly("1", 100.0, 3.0, -4.0, options=Chosen(AvoidanceOptions(avoidance=False)))
     world.run(2.0)
     world.centre("cc-1")
     world.run(1.0)

@@ -11,6 +11,7 @@ from typing import Any
 
 import pytest
 
+from agents.specification.options import RunOptions
 from console.command import Call
 from console.commands.texts import specification_runs, specifications, verification
 from console.output.output import Output, folded
@@ -61,7 +62,8 @@ class Place:
         return path
 
     def run(self, **chosen: Any) -> int:
-        return specification_runs.run(self.call, self.spec, **{"feed": self.feed, **chosen})
+        run = {key: chosen.pop(key) for key in ("modules", "roads", "govern", "admit", "feed") if key in chosen}
+        return specification_runs.run(self.call, self.spec, options=RunOptions(**{"feed": self.feed, **run}), **chosen)
 
 
 @pytest.fixture

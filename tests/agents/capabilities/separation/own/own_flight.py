@@ -3,7 +3,7 @@
 import pytest
 
 from agents.capabilities.flight.pilot import Pilot
-from agents.capabilities.separation.own_intent import OwnIntent
+from agents.capabilities.separation.own.own_intent import OwnIntent
 from agents.capabilities.separation.records import INTENT, intent_of, intent_value
 from agents.places import FlightPlan, Waypoint
 from dyknow import Sample

@@ -4,7 +4,7 @@ from random import Random
 
 import pytest
 
-from agents.capabilities.separation.conformance import LOOKS, Conformance
+from agents.capabilities.separation.own.conformance import LOOKS, Conformance
 from navigation.intents.intent import IntendedPlace, Intent, IntentEnding, IntentSource, RightOfWay
 from navigation.intents.path import FlatOrigin, nominal
 from reasoning import NONCONFORMING, AlarmEvent

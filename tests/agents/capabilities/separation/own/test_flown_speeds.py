@@ -1,6 +1,6 @@
 """How fast the own vehicle flies its way: what is seen, and what its parameters say while it gains speed."""
 
-from agents.capabilities.separation.flown_speeds import FlownSpeeds
+from agents.capabilities.separation.own.flown_speeds import FlownSpeeds
 from agents.places import Fix
 from navigation.cruise import CruiseReport
 

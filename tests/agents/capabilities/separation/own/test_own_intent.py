@@ -3,7 +3,7 @@
 import pytest
 
 from agents.capabilities.flight.pilot import Pilot
-from agents.capabilities.separation.own_intent import AHEAD_S, OwnIntent
+from agents.capabilities.separation.own.own_intent import AHEAD_S, OwnIntent
 from agents.places import FlightPlan
 from navigation.geodesy import distance_m
 from navigation.intents.intent import (

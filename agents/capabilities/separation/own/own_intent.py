@@ -23,7 +23,7 @@ from agents.capabilities.flight.arbiter import ENDINGS, Commander, unready
 from agents.capabilities.flight.errand import OrderProgress
 from agents.capabilities.flight.heard_vehicle import InterruptedMission
 from agents.capabilities.flight.pilot import Pilot
-from agents.capabilities.separation.flown_speeds import FlownSpeeds
+from agents.capabilities.separation.own.flown_speeds import FlownSpeeds
 from agents.capabilities.separation.records import MOST_DELAY_S, MOST_SPEED_M_S
 from agents.places import Fix, FlightPlan
 from navigation.geodesy import distance_m

@@ -1,0 +1,1 @@
+"""The own vehicle as others are to know it: its intent, whether it flies what that says, and how fast it flies."""
