@@ -19,7 +19,7 @@ class SpecificationOptions(Options):
 
 
 class RunOptions(Options):
-    """What a specification runs with, on a platform or alone."""
+    """A specification runs with these, on a platform or alone."""
 
     modules: Annotated[Modules, Flag(metavar="MODULE")] = Field(
         (), alias="units", description="A module or file.py with sources and computational units (repeatable)."
