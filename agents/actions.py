@@ -8,10 +8,10 @@ from dataclasses import dataclass
 from enum import IntEnum
 from typing import Final, NamedTuple
 
+from dyknow.federation.members.offers import Service
+from dyknow.federation.messages.acts import Performative
+from dyknow.federation.messages.contents import Cancel, Content, Done, Reason
 from dyknow.model.errors import ContentError
-from federation.members.offers import Service
-from federation.messages.acts import Performative
-from federation.messages.contents import Cancel, Content, Done, Reason
 
 P = Performative
 REQUESTED: Final = frozenset({P.REQUEST})

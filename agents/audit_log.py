@@ -5,8 +5,8 @@ from collections.abc import Callable, Iterator
 from contextlib import contextmanager
 from typing import Final, Literal, NamedTuple
 
-from federation.members.correspondence import UNANSWERED
-from federation.messages.acts import Act
+from dyknow.federation.members.correspondence import UNANSWERED
+from dyknow.federation.messages.acts import Act
 
 Direction = Literal["in", "out"]
 RECORDED: Final = "recorded"

@@ -3,18 +3,18 @@
 from collections.abc import Callable, Mapping
 from dataclasses import dataclass, field
 
-from agents.options import Chosen
-from agents.part import Part
-from agents.places import FlightLimits, FlightPlan
-from anchoring.roads.network import RoadNetwork
 from dyknow import Prototype
-from federation.members.clock import FederationClock
-from federation.security.trust import Trust
-from federation.shares import ACTS_BURST, ACTS_PER_S
-from federation.sharing.ontology import Ontology, default_ontology
-from federation.sharing.translation import Translation
-from navigation.cameras.rig import CameraRig
-from reasoning import Profile, builtin_profiles
+from dyknow.agents.options import Chosen
+from dyknow.agents.part import Part
+from dyknow.agents.places import FlightLimits, FlightPlan
+from dyknow.anchoring.roads.network import RoadNetwork
+from dyknow.federation.members.clock import FederationClock
+from dyknow.federation.security.trust import Trust
+from dyknow.federation.shares import ACTS_BURST, ACTS_PER_S
+from dyknow.federation.sharing.ontology import Ontology, default_ontology
+from dyknow.federation.sharing.translation import Translation
+from dyknow.navigation.cameras.rig import CameraRig
+from dyknow.reasoning import Profile, builtin_profiles
 
 
 @dataclass(frozen=True, slots=True)
@@ -39,7 +39,7 @@ class PlatformConfig:
         stopwatch: federation time as it is within a step, by which it is known how long units take, and which are
             called in workers; None: time is simulated.
         monotonic_offset_us: its node clock minus the monotonic clock of the machine, which hosts have, too.
-        extensions: classes of parts that it has besides its own; see `agents.extensions`.
+        extensions: classes of parts that it has besides its own; see `dyknow.agents.extensions`.
         contained: whether what a part raises ends that act or step only; a simulated world may want it raised.
     """
 

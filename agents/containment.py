@@ -17,9 +17,9 @@ from functools import partial
 from pathlib import PurePath
 from typing import Any, Final, TypeVar
 
-from agents.part import Followed, Part, Timed
-from federation import keys
-from federation.messages.descriptions import ConditionEntry
+from dyknow.agents.part import Followed, Part, Timed
+from dyknow.federation import keys
+from dyknow.federation.messages.descriptions import ConditionEntry
 
 T = TypeVar("T")
 TRIES: Final = 3

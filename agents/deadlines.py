@@ -3,8 +3,8 @@
 from collections.abc import Iterator, Sequence
 from typing import Final
 
-from agents.containment import Containment
-from agents.part import Followed, Part, Within
+from dyknow.agents.containment import Containment
+from dyknow.agents.part import Followed, Part, Within
 
 NEVER_US: Final = 1 << 62
 

@@ -4,9 +4,9 @@ from collections.abc import Mapping
 from typing import Any, NamedTuple, TypeAlias
 
 from dyknow import SURE, Quality
+from dyknow.federation.transport import WireEffect, WireEvent
+from dyknow.navigation.vehicle import Command, Report
 from dyknow.network.process import Outcome, Work
-from federation.transport import WireEffect, WireEvent
-from navigation.vehicle import Command, Report
 
 
 class Reported(NamedTuple):
@@ -192,7 +192,7 @@ class Tell(NamedTuple):
 
 
 class EncounterMessage(NamedTuple):
-    """One message of a record, as a recording has it (`runtime.recordings.recording_file`); federation time."""
+    """One message of a record, as a recording has it (`dyknow.runtime.recordings.recording_file`); federation time."""
 
     topic: str
     schema: str

@@ -1,7 +1,7 @@
 """Extensions: modules from outside that bring parts of platforms, semantic labels, or commands.
 
-A module exposes `PARTS` (classes derived from `agents.part.Part`, built of `agents.ports`), `LABELS` (TOML like
-federation/sharing/ontology.toml), `COMMANDS` (for the command line), or several of these.
+A module exposes `PARTS` (classes derived from `dyknow.agents.part.Part`, built of `dyknow.agents.ports`), `LABELS`
+(TOML like federation/sharing/ontology.toml), `COMMANDS` (for the command line), or several of these.
 """
 
 from collections.abc import Iterable, Mapping
@@ -10,13 +10,13 @@ from importlib.metadata import entry_points
 from types import ModuleType
 from typing import Final
 
-from agents.actions import Action
-from agents.capabilities.capability import Stage, all_parts
-from agents.part import Part
-from agents.parts import PLATFORM
-from compunits import load_module
+from dyknow.agents.actions import Action
+from dyknow.agents.capabilities.capability import Stage, all_parts
+from dyknow.agents.part import Part
+from dyknow.agents.parts import PLATFORM
+from dyknow.compunits import load_module
+from dyknow.federation.sharing.ontology import Ontology, default_ontology
 from dyknow.model.errors import UnitError
-from federation.sharing.ontology import Ontology, default_ontology
 
 GROUP: Final = "dyknow.extensions"
 """The entry points that name extensions of installed packages."""
@@ -44,7 +44,9 @@ def load_extension(name: str) -> Extension:
     parts = tuple(getattr(module, "PARTS", ()))
     for part in parts:
         if not (isinstance(part, type) and issubclass(part, Part)):
-            raise UnitError(f"extension {name}: PARTS: expected classes derived from agents.part.Part, got {part!r}")
+            raise UnitError(
+                f"extension {name}: PARTS: expected classes derived from dyknow.agents.part.Part, got {part!r}"
+            )
     return Extension(module, parts, str(getattr(module, "LABELS", "")))
 
 

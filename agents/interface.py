@@ -1,22 +1,22 @@
 """The Interface Agent: every act enters and leaves a platform here (thesis 9.3.2).
 
 It holds the platform's membership in the federation and speaks for the other agents: every act that leaves or arrives
-is entered into the audit log. Which requests are let in, `agents.admission.admission` decides. Times are the
+is entered into the audit log. Which requests are let in, `dyknow.agents.admission.admission` decides. Times are the
 node clock.
 """
 
 from collections.abc import Callable, Sequence
 from typing import TypeVar
 
-from agents.audit_log import AuditLog
-from agents.containment import Containment, place_of
-from agents.part import ClockCompared, PeerChange
+from dyknow.agents.audit_log import AuditLog
+from dyknow.agents.containment import Containment, place_of
+from dyknow.agents.part import ClockCompared, PeerChange
+from dyknow.federation.members.correspondence import OnSilence
+from dyknow.federation.members.directory import DirectoryEvent
+from dyknow.federation.members.member import Member, MemberAgents
+from dyknow.federation.messages.acts import Act, Performative
+from dyknow.federation.messages.contents import Content, Done, Reason, is_lasting
 from dyknow.model.errors import Refused
-from federation.members.correspondence import OnSilence
-from federation.members.directory import DirectoryEvent
-from federation.members.member import Member, MemberAgents
-from federation.messages.acts import Act, Performative
-from federation.messages.contents import Content, Done, Reason, is_lasting
 
 P = Performative
 T = TypeVar("T")

@@ -3,12 +3,12 @@
 from collections.abc import Callable, Iterable, Mapping, Sequence
 from typing import ClassVar, Final, NamedTuple, Protocol, TypeAlias
 
-from agents.actions import Offer
-from federation.members.directory import DirectoryEvent
-from federation.messages.acts import Act
-from federation.messages.contents import Content
-from federation.messages.descriptions import ConditionEntry, LabelEntry
-from reasoning import AlarmEvent
+from dyknow.agents.actions import Offer
+from dyknow.federation.members.directory import DirectoryEvent
+from dyknow.federation.messages.acts import Act
+from dyknow.federation.messages.contents import Content
+from dyknow.federation.messages.descriptions import ConditionEntry, LabelEntry
+from dyknow.reasoning import AlarmEvent
 
 
 class ClockCompared(NamedTuple):
@@ -57,7 +57,7 @@ class Part:
     keeps_acts: ClassVar[bool] = False
 
     def __init__(self, _ports: object, _parts: object) -> None:
-        """Build it of an `agents.ports.Ports` and the other parts, an `agents.ports.PartRegistry`."""
+        """Build it of an `dyknow.agents.ports.Ports` and the other parts, an `dyknow.agents.ports.PartRegistry`."""
 
     @property
     def deadline_us(self) -> int | None:

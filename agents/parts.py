@@ -7,45 +7,45 @@ it can answer.
 
 from collections.abc import Callable
 
-from agents.admission.admission import Admission
-from agents.admission.message_log import MessageLog
-from agents.admission.trusted import PlatformTrust
-from agents.capabilities.capability import Stage, parts_of
-from agents.config import PlatformConfig
-from agents.directory.directory import DirectoryAgent
-from agents.exchange.export_proxy import ExportProxy
-from agents.exchange.federation_agent import FederationAgent
-from agents.exchange.gateway import Gateway
-from agents.exchange.import_proxy import ImportProxy
-from agents.exchange.label_agreements import LabelAgreements
-from agents.exchange.local_instance import LocalInstance
-from agents.exchange.peer_motion import PeerMotion
-from agents.exchange.silent_imports import SilentImports
-from agents.exchange.stream_queries import StreamQueries
-from agents.exchange.subscription_keeper import SubscriptionKeeper
-from agents.monitoring.alarm_log import AlarmLog
-from agents.monitoring.checks import Checks
-from agents.monitoring.coordination import Coordination
-from agents.monitoring.monitor_queries import MonitorQueries
-from agents.monitoring.monitors import UnitMonitors
-from agents.monitoring.recognitions import Recognitions
-from agents.monitoring.unit_monitoring import UnitMonitoring
-from agents.part import Part
-from agents.ports import Needs, PartRegistry, Ports
-from agents.shedding import Shedding
-from agents.specification.declared_streams import DeclaredStreams
-from agents.specification.learning import Learning
-from agents.specification.object_queries import ObjectQueries
-from agents.specification.remote_changes import SpecificationChanges
-from agents.specification.specification_part import SpecificationPart
-from agents.tasks.authority import Authority
-from agents.tasks.command_watch import CommandWatch
-from agents.tasks.life import TaskLife
 from dyknow import Label
+from dyknow.agents.admission.admission import Admission
+from dyknow.agents.admission.message_log import MessageLog
+from dyknow.agents.admission.trusted import PlatformTrust
+from dyknow.agents.capabilities.capability import Stage, parts_of
+from dyknow.agents.config import PlatformConfig
+from dyknow.agents.directory.directory import DirectoryAgent
+from dyknow.agents.exchange.export_proxy import ExportProxy
+from dyknow.agents.exchange.federation_agent import FederationAgent
+from dyknow.agents.exchange.gateway import Gateway
+from dyknow.agents.exchange.import_proxy import ImportProxy
+from dyknow.agents.exchange.label_agreements import LabelAgreements
+from dyknow.agents.exchange.local_instance import LocalInstance
+from dyknow.agents.exchange.peer_motion import PeerMotion
+from dyknow.agents.exchange.silent_imports import SilentImports
+from dyknow.agents.exchange.stream_queries import StreamQueries
+from dyknow.agents.exchange.subscription_keeper import SubscriptionKeeper
+from dyknow.agents.monitoring.alarm_log import AlarmLog
+from dyknow.agents.monitoring.checks import Checks
+from dyknow.agents.monitoring.coordination import Coordination
+from dyknow.agents.monitoring.monitor_queries import MonitorQueries
+from dyknow.agents.monitoring.monitors import UnitMonitors
+from dyknow.agents.monitoring.recognitions import Recognitions
+from dyknow.agents.monitoring.unit_monitoring import UnitMonitoring
+from dyknow.agents.part import Part
+from dyknow.agents.ports import Needs, PartRegistry, Ports
+from dyknow.agents.shedding import Shedding
+from dyknow.agents.specification.declared_streams import DeclaredStreams
+from dyknow.agents.specification.learning import Learning
+from dyknow.agents.specification.object_queries import ObjectQueries
+from dyknow.agents.specification.remote_changes import SpecificationChanges
+from dyknow.agents.specification.specification_part import SpecificationPart
+from dyknow.agents.tasks.authority import Authority
+from dyknow.agents.tasks.command_watch import CommandWatch
+from dyknow.agents.tasks.life import TaskLife
+from dyknow.federation.members.offers import Service
+from dyknow.federation.sharing.translation import LabelConversion
+from dyknow.kpl import Instance
 from dyknow.model.errors import UnitError
-from federation.members.offers import Service
-from federation.sharing.translation import LabelConversion
-from kpl import Instance
 
 PLATFORM: tuple[type[Part] | Stage, ...] = (
     Authority, CommandWatch,
@@ -83,7 +83,9 @@ class PlatformParts(PartRegistry):
         try:
             return self[kind]
         except TypeError as error:
-            raise UnitError(f"{kind.__name__} cannot be built of (ports, parts), see agents.ports: {error}") from error
+            raise UnitError(
+                f"{kind.__name__} cannot be built of (ports, parts), see dyknow.agents.ports: {error}"
+            ) from error
 
     # -- services for parts that are built before -------------------------------------------------------
 

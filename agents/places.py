@@ -5,14 +5,14 @@ from dataclasses import dataclass
 from math import ceil, hypot, isfinite
 from typing import NamedTuple
 
-from federation.messages.contents import Fence
-from federation.messages.contents.flight import MOST_FENCES, MOST_PLACES
-from navigation.fences import FENCE_MARGIN_M, FenceArea, fence_refusal
-from navigation.geodesy import distance_m
-from navigation.terrain.clearance import AerialPlace, judge_way
-from navigation.terrain.elevation import Elevation
-from navigation.vehicle import FenceReport, GoToOrder, HoldOrder, HomeReport, InterruptOrder, Order
-from reasoning import Profile
+from dyknow.federation.messages.contents import Fence
+from dyknow.federation.messages.contents.flight import MOST_FENCES, MOST_PLACES
+from dyknow.navigation.fences import FENCE_MARGIN_M, FenceArea, fence_refusal
+from dyknow.navigation.geodesy import distance_m
+from dyknow.navigation.terrain.clearance import AerialPlace, judge_way
+from dyknow.navigation.terrain.elevation import Elevation
+from dyknow.navigation.vehicle import FenceReport, GoToOrder, HoldOrder, HomeReport, InterruptOrder, Order
+from dyknow.reasoning import Profile
 
 LEAP_M = 50.0
 

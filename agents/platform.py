@@ -10,21 +10,21 @@ from collections.abc import Callable, Iterable, Sequence
 from functools import partial
 from typing import Any, TypeVar
 
-from agents.actions import Role
-from agents.config import PlatformConfig
-from agents.containment import Containment, place_of, sender_of
-from agents.deadlines import PartDeadlines
-from agents.effects import Effect, Event, Note
-from agents.part import NOT_MINE, Followed, Handler, Part, PeerChange, overrides
-from agents.parts import PlatformParts
-from agents.ports import Ports
+from dyknow.agents.actions import Role
+from dyknow.agents.config import PlatformConfig
+from dyknow.agents.containment import Containment, place_of, sender_of
+from dyknow.agents.deadlines import PartDeadlines
+from dyknow.agents.effects import Effect, Event, Note
+from dyknow.agents.part import NOT_MINE, Followed, Handler, Part, PeerChange, overrides
+from dyknow.agents.parts import PlatformParts
+from dyknow.agents.ports import Ports
+from dyknow.federation import keys
+from dyknow.federation.members.member import Member
+from dyknow.federation.members.offers import Service
+from dyknow.federation.messages.descriptions import MAX_CONDITIONS, ConditionEntry, LabelEntry
+from dyknow.federation.transport import AnswerEnd, Arrived, Asked, Conflated, HandlerFailed
 from dyknow.model.errors import DecodeError
-from federation import keys
-from federation.members.member import Member
-from federation.members.offers import Service
-from federation.messages.descriptions import MAX_CONDITIONS, ConditionEntry, LabelEntry
-from federation.transport import AnswerEnd, Arrived, Asked, Conflated, HandlerFailed
-from reasoning import AlarmEvent
+from dyknow.reasoning import AlarmEvent
 
 T = TypeVar("T", bound=Part)
 E = TypeVar("E")

@@ -10,29 +10,29 @@ from dataclasses import dataclass, field
 from functools import cached_property
 from typing import Protocol, TypeAlias, TypeVar
 
-from agents.actions import ROLES, Role
-from agents.audit_log import AuditLog
-from agents.config import PlatformConfig
-from agents.containment import Containment
-from agents.effects import Effect
-from agents.interface import InterfaceAgent
-from agents.part import Part, PeerChange
 from dyknow import Label, Network, Policy
+from dyknow.agents.actions import ROLES, Role
+from dyknow.agents.audit_log import AuditLog
+from dyknow.agents.config import PlatformConfig
+from dyknow.agents.containment import Containment
+from dyknow.agents.effects import Effect
+from dyknow.agents.interface import InterfaceAgent
+from dyknow.agents.part import Part, PeerChange
+from dyknow.federation.members.clock import Offset
+from dyknow.federation.members.directory import DirectoryFacilitator
+from dyknow.federation.members.imports import Imports
+from dyknow.federation.members.member import Member, MemberAgents
+from dyknow.federation.members.offers import Service
+from dyknow.federation.members.offsets import ClockOffsets
+from dyknow.federation.messages.descriptions import ConditionEntry, LabelEntry
+from dyknow.federation.shares import ActLimits, MemberShare
+from dyknow.federation.sharing.exports import Exports
+from dyknow.federation.sharing.translation import LabelConversion, Translation
+from dyknow.federation.transport import Reopen, WireEffect
+from dyknow.kpl import Instance
 from dyknow.model.errors import UnitError
-from federation.members.clock import Offset
-from federation.members.directory import DirectoryFacilitator
-from federation.members.imports import Imports
-from federation.members.member import Member, MemberAgents
-from federation.members.offers import Service
-from federation.members.offsets import ClockOffsets
-from federation.messages.descriptions import ConditionEntry, LabelEntry
-from federation.shares import ActLimits, MemberShare
-from federation.sharing.exports import Exports
-from federation.sharing.translation import LabelConversion, Translation
-from federation.transport import Reopen, WireEffect
-from kpl import Instance
-from navigation.geodesy import LocalFrame
-from reasoning import AlarmEvent
+from dyknow.navigation.geodesy import LocalFrame
+from dyknow.reasoning import AlarmEvent
 
 T = TypeVar("T")
 Needs: TypeAlias = Mapping[str, AbstractSet[tuple[str, int, int]]]

@@ -8,15 +8,15 @@ Each message of samples states how often they come; `ls` shows it as a condition
 from collections.abc import Iterable
 from typing import Final
 
-from agents.effects import Pressed
-from agents.exchange.export_proxy import ExportProxy
-from agents.exchange.options import SheddingOptions
-from agents.exchange.subscription_keeper import SubscriptionKeeper
-from agents.monitoring.monitors import UnitMonitors
-from agents.part import Part
-from agents.ports import PartRegistry, Ports
-from federation.messages.descriptions import ConditionEntry
-from reasoning import AlarmEvent
+from dyknow.agents.effects import Pressed
+from dyknow.agents.exchange.export_proxy import ExportProxy
+from dyknow.agents.exchange.options import SheddingOptions
+from dyknow.agents.exchange.subscription_keeper import SubscriptionKeeper
+from dyknow.agents.monitoring.monitors import UnitMonitors
+from dyknow.agents.part import Part
+from dyknow.agents.ports import PartRegistry, Ports
+from dyknow.federation.messages.descriptions import ConditionEntry
+from dyknow.reasoning import AlarmEvent
 
 EVERY: Final = (1, 2, 8)
 """By level: a stream of importance 1 has each sample sent, each second one, each eighth. Monitors with half of the samples are fresh as

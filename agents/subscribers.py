@@ -3,11 +3,11 @@
 from collections.abc import Iterator
 from typing import Final
 
-from agents.interface import InterfaceAgent
-from agents.tasks.life import TaskLife
+from dyknow.agents.interface import InterfaceAgent
+from dyknow.agents.tasks.life import TaskLife
+from dyknow.federation.messages.acts import Act, Performative
+from dyknow.federation.messages.contents import Content
 from dyknow.model.errors import Refused
-from federation.messages.acts import Act, Performative
-from federation.messages.contents import Content
 
 OF_ONE: Final = 8
 """Subscriptions to one kind of event that a member may have."""

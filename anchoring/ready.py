@@ -7,9 +7,10 @@ after a second a new one; an object that is seen on a road for a second is on th
 from collections.abc import Mapping
 from typing import Final
 
-from anchoring.links.motion import MotionPredictor
-from anchoring.links.prediction import Predictor
-from anchoring.links.specification import (
+from dyknow import US_PER_S
+from dyknow.anchoring.links.motion import MotionPredictor
+from dyknow.anchoring.links.prediction import Predictor
+from dyknow.anchoring.links.specification import (
     ALWAYS_TRUE,
     FROM,
     THRESHOLD,
@@ -20,11 +21,10 @@ from anchoring.links.specification import (
     Threshold,
     unlikelihood,
 )
-from anchoring.roads.network import RoadNetwork
-from anchoring.roads.objects import OnRoad
-from anchoring.roads.prediction import AlongRoads
-from dyknow import US_PER_S
-from reasoning.formulas.tree import Always, Compare, Const, Eventually, Feature, Formula
+from dyknow.anchoring.roads.network import RoadNetwork
+from dyknow.anchoring.roads.objects import OnRoad
+from dyknow.anchoring.roads.prediction import AlongRoads
+from dyknow.reasoning.formulas.tree import Always, Compare, Const, Eventually, Feature, Formula
 
 VISION: Final = "vision_percept"
 WORLD: Final = "world"

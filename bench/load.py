@@ -23,7 +23,7 @@ import psutil
 from bench.machine import machine
 
 _RESULTS = Path(__file__).parent / "results"
-_CLI = "from console.main import main; main()"
+_CLI = "from dyknow.console.main import main; main()"
 
 
 class Fleet:

@@ -1,6 +1,6 @@
 """Computational units ready to use: distances, filters, conversions, relations. KPL specifications name them."""
 
-from compunits.cars import (
+from dyknow.compunits.cars import (
     CAR,
     CAR_AREA,
     GLOBAL_OBJECT,
@@ -22,10 +22,10 @@ from compunits.cars import (
     pairs,
     road_offset,
 )
-from compunits.conversions import CONVERSIONS, Conversion, conversion
-from compunits.intersection import CovarianceIntersection, Intersection, intersect
-from compunits.kalman import KalmanConstant, KalmanMoving, KalmanPosition, KalmanVelocity
-from compunits.motion import (
+from dyknow.compunits.conversions import CONVERSIONS, Conversion, conversion
+from dyknow.compunits.intersection import CovarianceIntersection, Intersection, intersect
+from dyknow.compunits.kalman import KalmanConstant, KalmanMoving, KalmanPosition, KalmanVelocity
+from dyknow.compunits.motion import (
     ClimbEst,
     SpeedEst,
     TrackEst,
@@ -39,11 +39,11 @@ from compunits.motion import (
     speed_3d,
     track,
 )
-from compunits.near_pairs import NearPairs
-from compunits.numeric import numbers_of, numeric
-from compunits.pair_relations import FOLLOWING, StableFollowing, StableRelations
-from compunits.registry import Catalogue, catalogue, library, load_module, prototypes_of
-from compunits.relations import (
+from dyknow.compunits.near_pairs import NearPairs
+from dyknow.compunits.numeric import numbers_of, numeric
+from dyknow.compunits.pair_relations import FOLLOWING, StableFollowing, StableRelations
+from dyknow.compunits.registry import Catalogue, catalogue, library, load_module, prototypes_of
+from dyknow.compunits.relations import (
     CAR_RELATIONS,
     Close,
     DirectionSector,
@@ -58,7 +58,7 @@ from compunits.relations import (
     relation,
     right_of,
 )
-from compunits.smoothing import (
+from dyknow.compunits.smoothing import (
     ExponentialSmoothing,
     MovingAverage,
     MovingMedian,

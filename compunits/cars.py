@@ -18,10 +18,10 @@ from itertools import permutations
 from operator import eq
 from typing import Any, Final, TypeGuard
 
-from compunits.motion import heading_deg, wrapped_deg
-from compunits.numeric import Numbers, is_sound, numbers_of, numeric, positive
-from compunits.smoothing import MovingAverage
 from dyknow import NO_VALUE, US_PER_S, Field, Sample, Sort, Value, computational_unit, value_unit
+from dyknow.compunits.motion import heading_deg, wrapped_deg
+from dyknow.compunits.numeric import Numbers, is_sound, numbers_of, numeric, positive
+from dyknow.compunits.smoothing import MovingAverage
 from dyknow.model.errors import SortError
 from dyknow.model.members import MAX_MEMBERS, members_of
 

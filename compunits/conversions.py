@@ -8,8 +8,8 @@ import math
 from collections.abc import Mapping
 from typing import Final
 
-from compunits.numeric import in_shape_of, numbers_of
 from dyknow import NO_VALUE, Quality, Sample, UnitPrototype, computational_unit, variant
+from dyknow.compunits.numeric import in_shape_of, numbers_of
 
 FACTORS: Final[Mapping[str, tuple[float, float]]] = {
     "CelsiusToKelvin": (1.0, 273.15),

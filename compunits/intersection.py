@@ -17,9 +17,9 @@ from typing import Literal, NamedTuple, TypeAlias
 
 import numpy as np
 
-from compunits.covariances import Matrix, covariance_in, quality_with
-from compunits.numeric import Numbers, in_shape_of, is_number, numbers_of, positive
 from dyknow import NO_VALUE, US_PER_S, Sample, computational_unit
+from dyknow.compunits.covariances import Matrix, covariance_in, quality_with
+from dyknow.compunits.numeric import Numbers, in_shape_of, is_number, numbers_of, positive
 
 Criterion: TypeAlias = Literal["determinant", "trace"]
 _GOLDEN = (math.sqrt(5.0) - 1.0) / 2.0

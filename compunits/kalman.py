@@ -15,12 +15,12 @@ from typing import Any
 
 import numpy as np
 
-from compunits.covariances import Matrix, covariance_in, quality_with
-from compunits.motion import Position, position_of
-from compunits.numeric import Numbers, in_shape_of, numbers_of, positive
 from dyknow import NO_VALUE, US_PER_S, Sample, Value, computational_unit
-from navigation import LocalFrame
-from navigation.geodesy import metres_per_degree
+from dyknow.compunits.covariances import Matrix, covariance_in, quality_with
+from dyknow.compunits.motion import Position, position_of
+from dyknow.compunits.numeric import Numbers, in_shape_of, numbers_of, positive
+from dyknow.navigation import LocalFrame
+from dyknow.navigation.geodesy import metres_per_degree
 
 _REANCHOR_M = 2_000.0
 

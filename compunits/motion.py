@@ -9,9 +9,9 @@ import math
 from collections import deque
 from typing import Generic, TypeAlias, TypeVar
 
-from compunits.numeric import Numbers, is_number, numbers_of, numeric, positive
 from dyknow import NO_VALUE, US_PER_S, Sample, Value, computational_unit, value_unit
-from navigation import LocalFrame, distance_m
+from dyknow.compunits.numeric import Numbers, is_number, numbers_of, numeric, positive
+from dyknow.navigation import LocalFrame, distance_m
 
 Position: TypeAlias = tuple[float, float]
 """Latitude and longitude in degrees."""
@@ -24,7 +24,7 @@ _STANDS_STILL_M_S = 0.01
 @value_unit("distance", "position", "position", name="DistanceXY")
 @numeric(2, 2)
 def distance_xy(one: Position, other: Position) -> float:
-    """Metres along the ellipsoid, `navigation.distance_m`: within 1 mm of the geodesic up to 10 km."""
+    """Metres along the ellipsoid, `dyknow.navigation.distance_m`: within 1 mm of the geodesic up to 10 km."""
     return distance_m(*on_earth(one), *on_earth(other))
 
 

@@ -8,8 +8,8 @@ from collections.abc import Iterator
 from math import hypot
 from typing import Final
 
-from compunits.numeric import numbers_of, positive
 from dyknow import US_PER_S, Sample, Value, computational_unit
+from dyknow.compunits.numeric import numbers_of, positive
 
 _KEPT: Final = 1.2
 """A pair remains one until it is that much farther apart: units of pairs that come and go restart each time."""

@@ -6,10 +6,10 @@ from collections import deque
 from operator import eq
 from typing import Final, Protocol, TypeAlias
 
-from compunits.cars import CAR, NO_LINK, ROAD_RELATIONS, offset_of, relations_of
-from compunits.numeric import numbers_of, positive
-from compunits.smoothing import StableFields
 from dyknow import NO_VALUE, SURE, US_PER_S, Field, Quality, Sample, Sort, Value, computational_unit
+from dyknow.compunits.cars import CAR, NO_LINK, ROAD_RELATIONS, offset_of, relations_of
+from dyknow.compunits.numeric import numbers_of, positive
+from dyknow.compunits.smoothing import StableFields
 from dyknow.model.sample import oldest
 
 _MOST: Final = 1_000

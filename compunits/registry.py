@@ -21,8 +21,18 @@ from traceback import extract_tb
 from types import MappingProxyType, ModuleType
 from typing import Any, Final
 
-from compunits import cars, conversions, intersection, kalman, motion, near_pairs, pair_relations, relations, smoothing
 from dyknow import Prototype, prototypes_in
+from dyknow.compunits import (
+    cars,
+    conversions,
+    intersection,
+    kalman,
+    motion,
+    near_pairs,
+    pair_relations,
+    relations,
+    smoothing,
+)
 from dyknow.model.errors import UnitError
 
 GROUP: Final = "dyknow.units"

@@ -11,9 +11,9 @@ Near a border noise makes relations flicker: put a `StabilityFilter` behind them
 
 from typing import Final
 
-from compunits.motion import Position, distance_xy, distance_z, heading_deg, offset_m, turn_deg, wrapped_deg
-from compunits.numeric import numeric, positive
 from dyknow import NO_VALUE, Field, Sort, Value, value_unit
+from dyknow.compunits.motion import Position, distance_xy, distance_z, heading_deg, offset_m, turn_deg, wrapped_deg
+from dyknow.compunits.numeric import numeric, positive
 
 CAR_RELATIONS: Final = Sort(
     "car_relations", tuple(Field(name, "bool") for name in ("behind", "beside", "in_front", "left", "right"))

@@ -10,8 +10,8 @@ from collections import deque
 from collections.abc import Callable, Sequence
 from statistics import median
 
-from compunits.numeric import Numbers, in_shape_of, is_sound, numbers_of, positive
 from dyknow import NO_VALUE, US_PER_S, Quality, Sample, Value, computational_unit
+from dyknow.compunits.numeric import Numbers, in_shape_of, is_sound, numbers_of, positive
 from dyknow.model.sample import oldest
 
 _MOST_REMEMBERED = 10_000

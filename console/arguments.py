@@ -5,8 +5,8 @@ from typing import Annotated, Literal, TypeAlias
 
 import typer
 
-from agents.specification.options import RunOptions
-from console.declared import flag_of
+from dyknow.agents.specification.options import RunOptions
+from dyknow.console.declared import flag_of
 
 Unit: TypeAlias = Annotated[str | None, typer.Option(metavar="U", help="One platform only.")]
 Follow: TypeAlias = Annotated[bool, typer.Option("--follow", "-f", help="Continue with new ones.")]

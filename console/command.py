@@ -14,14 +14,14 @@ import typer
 from typer.core import TyperCommand, TyperGroup, TyperOption
 from typer.main import get_command
 
-from console.errors import DONE, INTERRUPTED, WRONG, exit_code
-from console.output.output import Output
-from console.output.shown import printable
+from dyknow.console.errors import DONE, INTERRUPTED, WRONG, exit_code
+from dyknow.console.output.output import Output
+from dyknow.console.output.shown import printable
 from dyknow.model.errors import DyknowError
 
 if TYPE_CHECKING:
-    from console.declared import Declared
-    from runtime.configuration.settings import Settings
+    from dyknow.console.declared import Declared
+    from dyknow.runtime.configuration.settings import Settings
 
 PANEL = "Federation and output"
 
@@ -43,7 +43,7 @@ _EXAMPLES: dict[Callable[..., int], str] = {}
 def command(*, example: str) -> Callable[[F], F]:
     """Declare `function(call, own options...) -> exit code` as a command; its docstring is the help.
 
-    An option that `runtime.configuration.settings.Settings` also knows takes its value from there when no flag gives it.
+    An option that `dyknow.runtime.configuration.settings.Settings` also knows takes its value from there when no flag gives it.
     """
 
     def declare(function: F) -> F:
@@ -131,7 +131,7 @@ def loaded(where: str, name: str) -> Any:
     """The command that `module:function` declares, with the options of every command added."""
     module, _, attribute = where.partition(":")
     function: Callable[..., int] = getattr(import_module(module), attribute)
-    from console.declared import Declared
+    from dyknow.console.declared import Declared
 
     declared = Declared(list(signature(function, eval_str=True).parameters.values())[1:], name)
 
@@ -191,7 +191,7 @@ def _carried_out(
     """Run the command; its errors become a sentence on standard error and an exit code."""
     from pydantic import ValidationError
 
-    from runtime.configuration.settings import Settings, load
+    from dyknow.runtime.configuration.settings import Settings, load
 
     config = given.pop("config")
     flags = {name: value for name, value in given.items() if _flagged(context, name) and name in Settings.model_fields}
@@ -209,7 +209,7 @@ def _carried_out(
         sys.stderr.write(f"{context.command_path}: {printable(str(error))}\n")
         return exit_code(error)
     except ValidationError as error:  # of the message to a platform
-        from federation.messages.contents.parts import in_words
+        from dyknow.federation.messages.contents.parts import in_words
 
         sys.stderr.write(f"{context.command_path}: {printable(in_words(error))}\n")
         return WRONG

@@ -9,9 +9,9 @@ import typer
 from pydantic import BaseModel, ValidationError
 from pydantic.fields import FieldInfo
 
-from agents.options import FLAGS, Flag, flags_of
+from dyknow.agents.options import FLAGS, Flag, flags_of
 from dyknow.model.errors import WrongCall
-from runtime.configuration.toml import wrong_values
+from dyknow.runtime.configuration.toml import wrong_values
 
 
 class Declared:

@@ -1,6 +1,6 @@
 """Commands of extensions: of the modules that a call names, and of the installed ones.
 
-An extension is a module with `COMMANDS`, a table like the one in `console.main`. It is named
+An extension is a module with `COMMANDS`, a table like the one in `dyknow.console.main`. It is named
 with `--extension MODULE`, `DYKNOW_EXTENSIONS` or `extensions = [...]` in a TOML file, by its module or by its name in the
 entry-point group `dyknow.extensions`.
 """
@@ -10,8 +10,8 @@ from importlib.metadata import entry_points
 from itertools import pairwise
 from pathlib import Path
 
-from console.command import CommandTable, search_working_directory
-from runtime.configuration.settings import load
+from dyknow.console.command import CommandTable, search_working_directory
+from dyknow.runtime.configuration.settings import load
 
 GROUP = "dyknow.extensions"
 
@@ -33,7 +33,7 @@ def extension_commands(arguments: Sequence[str]) -> CommandTable:
     named = [*settings.extensions, *(each.name for each in entry_points(group=GROUP))]
     if not named:
         return {}
-    from agents.extensions import load_extension
+    from dyknow.agents.extensions import load_extension
 
     search_working_directory()
     modules = [load_extension(name).module for name in named]

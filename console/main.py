@@ -8,10 +8,11 @@ from typing import Annotated, Any
 
 import typer
 
-from console.command import USAGE, CommandGroup, CommandTable
+from dyknow.console.command import USAGE, CommandGroup, CommandTable
 
 _FLEET, _MEMBERS, _MISSIONS, _OBJECTS, _OUTWARD, _RECORDINGS, _TEXTS = (
-    f"console.commands.{each}" for each in ("fleet", "members", "missions", "objects", "outward", "recordings", "texts")
+    f"dyknow.console.commands.{each}"
+    for each in ("fleet", "members", "missions", "objects", "outward", "recordings", "texts")
 )
 
 COMMANDS: CommandTable = {
@@ -23,7 +24,10 @@ COMMANDS: CommandTable = {
     "host": (f"{_FLEET}.host:host", "Offer sources and units to a platform from a process of their own."),
     "down": (f"{_FLEET}.up:down", "End the platforms that up and join started on this machine."),
     "ls": (f"{_MEMBERS}.ls:ls", "The platforms, a line each: state, battery, altitude, age of the oldest data."),
-    "top": ("console.top.top:top", "Platforms, streams, monitors, alarms and acts in the terminal, kept up to date."),
+    "top": (
+        "dyknow.console.top.top:top",
+        "Platforms, streams, monitors, alarms and acts in the terminal, kept up to date.",
+    ),
     "web": (
         f"{_OUTWARD}.web:web",
         "The operator's page in a browser: map, alarms, monitors, tasks, speech acts, streams; of now or a recording.",
@@ -140,7 +144,7 @@ class _Dyknow(CommandGroup):
             raise
 
     def _extend(self, ctx: Any, args: Sequence[str]) -> None:
-        from console.extensions import extension_commands
+        from dyknow.console.extensions import extension_commands
         from dyknow.model.errors import DyknowError
 
         try:

@@ -5,8 +5,8 @@ from collections.abc import Iterable
 from pathlib import Path
 from typing import Any, get_args
 
-from console.command import PANEL, loaded
-from console.main import COMMANDS
+from dyknow.console.command import PANEL, loaded
+from dyknow.console.main import COMMANDS
 
 PAGE = Path(__file__).with_name("commands.md")
 HEAD = """# Commands

@@ -9,14 +9,14 @@ from importlib import import_module
 from typing import Any
 
 _PLACES = {
-    "AsyncFederationClient": "runtime.library.async_federation",
-    "FederationClient": "runtime.library.federation",
-    "Feed": "runtime.library.feed",
-    "OwnPlatform": "runtime.library.own_platform",
-    "QueryResult": "runtime.library.results",
-    "UnitSample": "runtime.library.results",
-    "connect": "runtime.library.federation",
-    "join": "runtime.library.own_platform",
+    "AsyncFederationClient": "dyknow.runtime.library.async_federation",
+    "FederationClient": "dyknow.runtime.library.federation",
+    "Feed": "dyknow.runtime.library.feed",
+    "OwnPlatform": "dyknow.runtime.library.own_platform",
+    "QueryResult": "dyknow.runtime.library.results",
+    "UnitSample": "dyknow.runtime.library.results",
+    "connect": "dyknow.runtime.library.federation",
+    "join": "dyknow.runtime.library.own_platform",
 }
 
 

@@ -8,16 +8,16 @@ from typing import Any
 from dyknow.library import loaded
 
 _PLACES = {
-    "Dialogue": "federation.messages.dialogue",
-    "HomePlace": "sim_uavs.dynamics.settings",
-    "PlatformConfig": "agents.config",
-    "SessionLink": "sim_uavs.world.sessions",
-    "SimulatedVehicle": "sim_uavs.dynamics.vehicles",
-    "VehicleConfig": "sim_uavs.dynamics.settings",
-    "World": "sim_uavs.world.world",
-    "WorldNode": "sim_uavs.world.units",
-    "catalogue": "compunits.registry",
-    "default_ontology": "federation.sharing.ontology",
+    "Dialogue": "dyknow.federation.messages.dialogue",
+    "HomePlace": "dyknow.sim_uavs.dynamics.settings",
+    "PlatformConfig": "dyknow.agents.config",
+    "SessionLink": "dyknow.sim_uavs.world.sessions",
+    "SimulatedVehicle": "dyknow.sim_uavs.dynamics.vehicles",
+    "VehicleConfig": "dyknow.sim_uavs.dynamics.settings",
+    "World": "dyknow.sim_uavs.world.world",
+    "WorldNode": "dyknow.sim_uavs.world.units",
+    "catalogue": "dyknow.compunits.registry",
+    "default_ontology": "dyknow.federation.sharing.ontology",
 }
 
 

@@ -6,8 +6,8 @@ A real one reads its receiver in a process of its own, `dyknow host flights.py -
 import math
 from collections.abc import Iterator
 
-from compunits import distance_xy
 from dyknow import source, value_unit
+from dyknow.compunits import distance_xy
 
 PERIOD_US = 100_000
 LATITUDE_DEG, LONGITUDE_DEG = 58.4, 15.6

@@ -1,7 +1,7 @@
 """Effects from a node to the wire, and events from the wire to a node. Pure data: Zenoh and the fake wire both speak
 it.
 
-Keys are relative to the federation's namespace (`federation.keys` builds and parses them). `at_us` is the
+Keys are relative to the federation's namespace (`dyknow.federation.keys` builds and parses them). `at_us` is the
 node clock (UTC at start + monotonic), stamped where the bytes arrived, before they waited in the mailbox.
 """
 

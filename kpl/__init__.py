@@ -1,18 +1,18 @@
 """KPL, the thesis' knowledge processing language: reading, checking and running specifications."""
 
-from kpl.checking.formulas import FeatureType, Vocabulary, check, read_formula
-from kpl.checking.lint import LintWarning, lint
-from kpl.checking.profiles import profile_formula, unit_vocabulary
-from kpl.checking.specifications import Findings
-from kpl.checking.symbols import Constant, Known
-from kpl.running.instance import ConfigurationEntry, Instance
-from kpl.running.ports import Federation, Hooks
-from kpl.syntax.chronicles import parse_chronicles, print_chronicles, read_chronicles
-from kpl.syntax.listing import print_declaration, print_specification
-from kpl.syntax.parsing import parse_formula
-from kpl.syntax.printing import print_formula
-from kpl.syntax.specification import Declaration, Specification
-from kpl.syntax.statements import ReadSpecification, parse_specification, read_specification
+from dyknow.kpl.checking.formulas import FeatureType, Vocabulary, check, read_formula
+from dyknow.kpl.checking.lint import LintWarning, lint
+from dyknow.kpl.checking.profiles import profile_formula, unit_vocabulary
+from dyknow.kpl.checking.specifications import Findings
+from dyknow.kpl.checking.symbols import Constant, Known
+from dyknow.kpl.running.instance import ConfigurationEntry, Instance
+from dyknow.kpl.running.ports import Federation, Hooks
+from dyknow.kpl.syntax.chronicles import parse_chronicles, print_chronicles, read_chronicles
+from dyknow.kpl.syntax.listing import print_declaration, print_specification
+from dyknow.kpl.syntax.parsing import parse_formula
+from dyknow.kpl.syntax.printing import print_formula
+from dyknow.kpl.syntax.specification import Declaration, Specification
+from dyknow.kpl.syntax.statements import ReadSpecification, parse_specification, read_specification
 
 __all__ = [
     "ConfigurationEntry",

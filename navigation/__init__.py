@@ -1,5 +1,5 @@
 """Geodesy, vehicle reports and orders, and the filter that fuses reports to positions."""
 
-from navigation.geodesy import LocalFrame, distance_m
+from dyknow.navigation.geodesy import LocalFrame, distance_m
 
 __all__ = ["LocalFrame", "distance_m"]

@@ -12,7 +12,7 @@ import numpy as np
 from numpy.typing import NDArray
 
 from dyknow.model.errors import Refused
-from navigation.geodesy import metres_per_degree
+from dyknow.navigation.geodesy import metres_per_degree
 
 Corner: TypeAlias = tuple[float, float]
 """Latitude and longitude in degrees."""

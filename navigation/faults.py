@@ -6,7 +6,7 @@ Each check answers with a reason (a short phrase shown to users and counted) or 
 import math
 from typing import NamedTuple
 
-from navigation.vehicle import LocalPositionReport, PositionReport, VelocityReport
+from dyknow.navigation.vehicle import LocalPositionReport, PositionReport, VelocityReport
 
 NOT_FINITE = "not finite"
 OUT_OF_RANGE = "out of range"

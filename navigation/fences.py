@@ -11,7 +11,7 @@ from typing import Final, NamedTuple, TypeAlias
 import numpy as np
 import numpy.typing as npt
 
-from navigation.geodesy import metres_per_degree
+from dyknow.navigation.geodesy import metres_per_degree
 
 FENCE_MARGIN_M: Final = 2.0
 """A vehicle that touches its own fence flies home: stay inside by what ArduPilot keeps (FENCE_MARGIN)."""

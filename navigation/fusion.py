@@ -14,11 +14,11 @@ from collections import Counter
 from typing import Literal, NamedTuple
 
 from dyknow.model.sample import Sample
-from navigation import faults, vehicle
-from navigation.faults import Candidate, FrozenSource, PlausibleLimits
-from navigation.geodesy import LocalFrame
-from navigation.inertial import InertialInput
-from navigation.motion import Measurement, Motion, MotionState
+from dyknow.navigation import faults, vehicle
+from dyknow.navigation.faults import Candidate, FrozenSource, PlausibleLimits
+from dyknow.navigation.geodesy import LocalFrame
+from dyknow.navigation.inertial import InertialInput
+from dyknow.navigation.motion import Measurement, Motion, MotionState
 
 _REANCHOR_M = 2_000.0
 _VELOCITY_ALLOWANCE_M_S = 3.0

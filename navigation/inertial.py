@@ -6,7 +6,7 @@ a = R(roll, pitch, yaw) f + (0, 0, g): f is the specific force in the body frame
 import math
 from collections import deque
 
-from navigation.vehicle import AccelerationReport, AttitudeReport
+from dyknow.navigation.vehicle import AccelerationReport, AttitudeReport
 
 GRAVITY_M_S2 = 9.80665
 _HISTORY_US = 1_500_000

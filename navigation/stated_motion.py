@@ -11,7 +11,7 @@ from itertools import pairwise
 from math import cos, hypot, radians
 from typing import Final, Literal, NamedTuple, TypeAlias
 
-from navigation.geodesy import distance_m
+from dyknow.navigation.geodesy import distance_m
 
 SPEED_M_S, LEAP_M = 150.0, 50.0
 """A place that changes faster, beyond a correction, is not flown."""

@@ -11,8 +11,8 @@ from collections import Counter
 from dataclasses import dataclass
 from typing import Final, NamedTuple
 
-from navigation.geodesy import distance_m, metres_per_degree
-from navigation.heard_aircraft import HeardAircraft
+from dyknow.navigation.geodesy import distance_m, metres_per_degree
+from dyknow.navigation.heard_aircraft import HeardAircraft
 
 MOST_AIRCRAFT: Final = 64
 SILENT_US: Final = 15_000_000

@@ -8,10 +8,10 @@ from collections.abc import Mapping
 from enum import StrEnum
 from typing import NamedTuple, TypeAlias
 
-from navigation.cruise import CruiseReport
-from navigation.fences import FenceArea
-from navigation.heard_aircraft import HeardAircraft
-from navigation.mission_plans import MissionPlanReport
+from dyknow.navigation.cruise import CruiseReport
+from dyknow.navigation.fences import FenceArea
+from dyknow.navigation.heard_aircraft import HeardAircraft
+from dyknow.navigation.mission_plans import MissionPlanReport
 
 LONGEST_LINE_M = 50.0
 

@@ -1,10 +1,10 @@
 """Planning with temporal control formulas (thesis chapter 7): domains in text and in Python, and search for plans."""
 
-from planning.domains.model import Declarations
-from planning.domains.printing import print_declarations
-from planning.domains.texts import parse_domain, parse_expression, parse_problem
-from planning.search.planner import NoPlan, PlanFound, Strategy, find_plan
-from planning.search.plans import MissionPlan, PlannedAction
+from dyknow.planning.domains.model import Declarations
+from dyknow.planning.domains.printing import print_declarations
+from dyknow.planning.domains.texts import parse_domain, parse_expression, parse_problem
+from dyknow.planning.search.planner import NoPlan, PlanFound, Strategy, find_plan
+from dyknow.planning.search.plans import MissionPlan, PlannedAction
 
 __all__ = [
     "Declarations",

@@ -1,10 +1,10 @@
 """Formulas and chronicles over states of streams: progression, monitoring, recognition."""
 
-from reasoning.features.clearance import Clearance, clearance
-from reasoning.features.derivation import FEATURES, Derivation, DerivedFeature, FeatureInput, needed_labels
-from reasoning.features.proximity import Approach, closest_approach, fence_margin_m, offset_m
-from reasoning.formulas.evaluation import NoValuePolicy
-from reasoning.formulas.tree import (
+from dyknow.reasoning.features.clearance import Clearance, clearance
+from dyknow.reasoning.features.derivation import FEATURES, Derivation, DerivedFeature, FeatureInput, needed_labels
+from dyknow.reasoning.features.proximity import Approach, closest_approach, fence_margin_m, offset_m
+from dyknow.reasoning.formulas.evaluation import NoValuePolicy
+from dyknow.reasoning.formulas.tree import (
     Domain,
     Formula,
     domain_members,
@@ -13,16 +13,22 @@ from reasoning.formulas.tree import (
     required_labels,
     split_growing,
 )
-from reasoning.monitoring.alarms import NEITHER_CAN_AVOID, NONCONFORMING, OF_SEPARATION, SILENT_IN_THE_AIR, AlarmEvent
-from reasoning.monitoring.inputs import Freshness
-from reasoning.monitoring.margins import Margin, Margins
-from reasoning.monitoring.monitors import Monitor, Shown
-from reasoning.monitoring.profiles import Profile, builtin_profiles, parse_profiles
-from reasoning.monitoring.traces import Outcome, Trace, TraceState, follow_trace, read_trace, trace_domains
-from reasoning.progression.automaton import Verdict
-from reasoning.progression.engine import Progressing, Way, make_progression
-from reasoning.progression.explaining import Explanation
-from reasoning.progression.remaining import remaining
+from dyknow.reasoning.monitoring.alarms import (
+    NEITHER_CAN_AVOID,
+    NONCONFORMING,
+    OF_SEPARATION,
+    SILENT_IN_THE_AIR,
+    AlarmEvent,
+)
+from dyknow.reasoning.monitoring.inputs import Freshness
+from dyknow.reasoning.monitoring.margins import Margin, Margins
+from dyknow.reasoning.monitoring.monitors import Monitor, Shown
+from dyknow.reasoning.monitoring.profiles import Profile, builtin_profiles, parse_profiles
+from dyknow.reasoning.monitoring.traces import Outcome, Trace, TraceState, follow_trace, read_trace, trace_domains
+from dyknow.reasoning.progression.automaton import Verdict
+from dyknow.reasoning.progression.engine import Progressing, Way, make_progression
+from dyknow.reasoning.progression.explaining import Explanation
+from dyknow.reasoning.progression.remaining import remaining
 
 __all__ = [
     "FEATURES",

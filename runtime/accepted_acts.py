@@ -9,8 +9,8 @@ import threading
 from collections.abc import Callable
 from pathlib import Path
 
+from dyknow.federation.security.trust import Verifier
 from dyknow.model.errors import RosterError
-from federation.security.trust import Verifier
 
 BETWEEN_S = 1.0
 """How long after it was written the file is written again at the earliest."""

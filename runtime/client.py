@@ -9,19 +9,19 @@ from queue import Empty, SimpleQueue
 from types import TracebackType
 from typing import NamedTuple, Protocol, Self, TypeAlias, TypeVar
 
+from dyknow.federation.members.command_centre import CommandCentre, PlatformView, Steppable
+from dyknow.federation.messages.acts import Performative
+from dyknow.federation.messages.contents import Content
+from dyknow.federation.messages.dialogue import Dialogue
+from dyknow.federation.sharing.ontology import Ontology
+from dyknow.federation.transport import WireEffect, WireEvent
 from dyknow.model.errors import NothingFound, did_you_mean
-from federation.members.command_centre import CommandCentre, PlatformView, Steppable
-from federation.messages.acts import Performative
-from federation.messages.contents import Content
-from federation.messages.dialogue import Dialogue
-from federation.sharing.ontology import Ontology
-from federation.transport import WireEffect, WireEvent
-from runtime.clock import NodeClock
-from runtime.configuration.config import WireConfig
-from runtime.configuration.ontologies import ontology_of
-from runtime.configuration.reach import COMMAND_CENTRE, speaks_as, trust_files
-from runtime.configuration.session import load_trust
-from runtime.configuration.settings import Settings
+from dyknow.runtime.clock import NodeClock
+from dyknow.runtime.configuration.config import WireConfig
+from dyknow.runtime.configuration.ontologies import ontology_of
+from dyknow.runtime.configuration.reach import COMMAND_CENTRE, speaks_as, trust_files
+from dyknow.runtime.configuration.session import load_trust
+from dyknow.runtime.configuration.settings import Settings
 
 T = TypeVar("T")
 SETTLE_S = 1.0
@@ -321,8 +321,8 @@ def client_ports(wire: WireConfig) -> ClientPorts:
         SessionFailed: on opening; an endpoint cannot be listened on, or the configuration is refused.
         RosterError: the security file does not load.
     """
-    from proxies.zenoh.edge import ZenohEdge
-    from runtime.configuration.session import wire_options
+    from dyknow.proxies.zenoh.edge import ZenohEdge
+    from dyknow.runtime.configuration.session import wire_options
 
     options = wire_options(wire)
 
@@ -332,7 +332,7 @@ def client_ports(wire: WireConfig) -> ClientPorts:
         return edge
 
     def trouble() -> list[str]:
-        from proxies.zenoh.reachability import unreachable
+        from dyknow.proxies.zenoh.reachability import unreachable
 
         return unreachable(wire.connect)
 

@@ -8,7 +8,7 @@ from collections.abc import Callable
 from pathlib import Path
 from typing import Final
 
-from agents.effects import Keep
+from dyknow.agents.effects import Keep
 from dyknow.model.errors import WrongCall
 
 MOST_BYTES: Final = 4 * 2**20

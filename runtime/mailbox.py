@@ -22,8 +22,8 @@ from functools import partial
 from queue import SimpleQueue
 from typing import Any, NamedTuple
 
-from agents.effects import Computed, HostEvent, Reported, SearchOver
-from federation.transport import Answered, Arrived, Asked, AskEnded, Conflated, HandlerFailed, TokenChanged
+from dyknow.agents.effects import Computed, HostEvent, Reported, SearchOver
+from dyknow.federation.transport import Answered, Arrived, Asked, AskEnded, Conflated, HandlerFailed, TokenChanged
 
 LIMIT = 50_000
 _FEW_LANES = 4096

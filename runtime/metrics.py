@@ -11,14 +11,14 @@ from collections.abc import Callable, Iterator
 from http.server import BaseHTTPRequestHandler, HTTPServer
 from typing import Any, Final
 
-from agents.exchange.import_proxy import ImportProxy
-from agents.monitoring.alarm_log import AlarmLog
-from agents.platform import Platform
 from dyknow import __version__
+from dyknow.agents.exchange.import_proxy import ImportProxy
+from dyknow.agents.monitoring.alarm_log import AlarmLog
+from dyknow.agents.platform import Platform
 from dyknow.model.errors import EndpointFailed, UnitError
-from runtime.configuration.config import NodeConfig
-from runtime.journal.journal import Journal
-from runtime.mailbox import Mailbox
+from dyknow.runtime.configuration.config import NodeConfig
+from dyknow.runtime.journal.journal import Journal
+from dyknow.runtime.mailbox import Mailbox
 
 HOST: Final = "127.0.0.1"
 STANDS_US: Final = 5_000_000

@@ -1,6 +1,6 @@
-"""`python -m runtime.node --config FILE`: the process of one platform, or of several whose vehicles share an endpoint.
+"""`python -m dyknow.runtime.node --config FILE`: the process of one platform, or of several that share an endpoint.
 
-The vehicle of a platform is of a kind in `runtime.vehicles`, or in a module that is named with `--vehicles`.
+The vehicle of a platform is of a kind in `dyknow.runtime.vehicles`, or in a module that is named with `--vehicles`.
 """
 
 import argparse
@@ -17,15 +17,15 @@ from pathlib import Path
 from pydantic import ValidationError
 
 from dyknow.model.errors import DyknowError, UnitError, WrongCall
-from runtime.configuration.config import NodeConfig
-from runtime.process import FAILED, WRONG, PlatformProcess
-from runtime.records import Records
-from runtime.vehicles import SharedPorts, Vehicle, VehiclePorts, build_vehicle
+from dyknow.runtime.configuration.config import NodeConfig
+from dyknow.runtime.process import FAILED, WRONG, PlatformProcess
+from dyknow.runtime.records import Records
+from dyknow.runtime.vehicles import SharedPorts, Vehicle, VehiclePorts, build_vehicle
 
 
 def main() -> int:
     """Read the configuration and run."""
-    parser = argparse.ArgumentParser(prog="python -m runtime.node", description=__doc__)
+    parser = argparse.ArgumentParser(prog="python -m dyknow.runtime.node", description=__doc__)
     parser.add_argument(
         "--config", action="append", type=Path, required=True, help="JSON file with the configuration of a platform"
     )

@@ -1,6 +1,6 @@
 """One platform, one process: edges post into the mailbox, one thread steps the platform and performs its effects.
 
-The process writes records (`runtime.records`): `joined`, `directory` (the peers it has found), `note`, `ended`.
+The process writes records (`dyknow.runtime.records`): `joined`, `directory` (the peers it has found), `note`, `ended`.
 """
 
 import contextlib
@@ -13,10 +13,10 @@ from pathlib import Path
 from queue import Empty
 from typing import TYPE_CHECKING, Any
 
-from agents.capabilities.flight.flight import FlightAgent
-from agents.capabilities.separation.options import EncounterOptions
-from agents.directory.directory import DirectoryAgent
-from agents.effects import (
+from dyknow.agents.capabilities.flight.flight import FlightAgent
+from dyknow.agents.capabilities.separation.options import EncounterOptions
+from dyknow.agents.directory.directory import DirectoryAgent
+from dyknow.agents.effects import (
     Compute,
     Event,
     Halt,
@@ -33,36 +33,36 @@ from agents.effects import (
     Tell,
     Waited,
 )  # fmt: skip
-from agents.monitoring.monitor_plans import PlanBook
-from agents.platform import Platform
-from agents.specification.options import RunOptions, SpecificationOptions
+from dyknow.agents.monitoring.monitor_plans import PlanBook
+from dyknow.agents.platform import Platform
+from dyknow.agents.specification.options import RunOptions, SpecificationOptions
+from dyknow.federation.members.clock import FederationClock
+from dyknow.federation.messages import contents
+from dyknow.federation.messages.codec import decode_description
+from dyknow.federation.transport import Answered, Ask
 from dyknow.model.errors import DecodeError, DyknowError, EndpointFailed, RosterError
-from federation.members.clock import FederationClock
-from federation.messages import contents
-from federation.messages.codec import decode_description
-from federation.transport import Answered, Ask
-from navigation.vehicle import Command, Report
-from proxies.hosts.listener import HostDoor
-from proxies.zenoh.edge import ZenohEdge
-from reasoning import builtin_profiles
-from runtime.accepted_acts import AcceptedActs
-from runtime.clock import NodeClock, Stopwatch
-from runtime.configuration.config import NodeConfig
-from runtime.configuration.resolved import platform_config
-from runtime.configuration.road_files import check_place
-from runtime.configuration.session import reaches_beyond, unprotected, wire_options
-from runtime.learnt_files import keep
-from runtime.loop import Pressure, SteppedNode, leave_alone_what_is_loaded, step
-from runtime.mailbox import Mailbox
-from runtime.records import NoteLimit
-from runtime.searches.workers import SearchWorkers
-from runtime.specified import Specified
-from runtime.vehicles import Vehicle, VehiclePorts
-from runtime.workers import WorkerThreads
+from dyknow.navigation.vehicle import Command, Report
+from dyknow.proxies.hosts.listener import HostDoor
+from dyknow.proxies.zenoh.edge import ZenohEdge
+from dyknow.reasoning import builtin_profiles
+from dyknow.runtime.accepted_acts import AcceptedActs
+from dyknow.runtime.clock import NodeClock, Stopwatch
+from dyknow.runtime.configuration.config import NodeConfig
+from dyknow.runtime.configuration.resolved import platform_config
+from dyknow.runtime.configuration.road_files import check_place
+from dyknow.runtime.configuration.session import reaches_beyond, unprotected, wire_options
+from dyknow.runtime.learnt_files import keep
+from dyknow.runtime.loop import Pressure, SteppedNode, leave_alone_what_is_loaded, step
+from dyknow.runtime.mailbox import Mailbox
+from dyknow.runtime.records import NoteLimit
+from dyknow.runtime.searches.workers import SearchWorkers
+from dyknow.runtime.specified import Specified
+from dyknow.runtime.vehicles import Vehicle, VehiclePorts
+from dyknow.runtime.workers import WorkerThreads
 
 if TYPE_CHECKING:
-    from runtime.journal.journal import Journal
-    from runtime.metrics import PlatformMetrics
+    from dyknow.runtime.journal.journal import Journal
+    from dyknow.runtime.metrics import PlatformMetrics
 
 WRONG, FAILED = 2, 3
 """Exit codes of the process: its configuration does not work, or it failed later."""
@@ -170,7 +170,7 @@ class PlatformProcess:
         check_place(self.config[RunOptions].roads, config.roads, config.cameras)
         platform = self._platform = Platform(config, started_us)
         if self.config.metrics is not None:
-            from runtime.metrics import metrics_of
+            from dyknow.runtime.metrics import metrics_of
 
             self._metrics = metrics_of(self.config, platform, self.clock.now_us, self.mailbox, lambda: self._journal)
         self._perform_all(platform.start(self.clock.now_us()))
@@ -253,8 +253,8 @@ class PlatformProcess:
         return Specified(file, feed, self.mailbox.post, self._note, self.clock.now_us, clock.federation_us)
 
     def _journalled(self, platform: Platform, path: Path) -> SteppedNode[Event, Any]:
-        from runtime.journal.journal import Journal
-        from runtime.journal.recorded_runs import about, journalled
+        from dyknow.runtime.journal.journal import Journal
+        from dyknow.runtime.journal.recorded_runs import about, journalled
 
         try:
             self._journal = Journal(path, about(self.config, self._federation_clock))
@@ -331,7 +331,7 @@ class PlatformProcess:
         elif kind is Keep:
             keep(self.config[SpecificationOptions].learnt, self.config.unit, effect, self._note)
         elif kind is KeepEncounter:
-            from runtime.recordings.encounter_files import keep_encounter
+            from dyknow.runtime.recordings.encounter_files import keep_encounter
 
             keep_encounter(self.config[EncounterOptions].encounters, self.config.unit, effect, self._note)
         elif kind is Tell:

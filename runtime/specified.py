@@ -9,15 +9,15 @@ from itertools import groupby
 from operator import attrgetter
 from pathlib import Path
 
-from agents.effects import Fed, FedTogether, Specify
-from agents.specification.specification_part import read
+from dyknow.agents.effects import Fed, FedTogether, Specify
+from dyknow.agents.specification.specification_part import read
 from dyknow.documents.json_lines import LIMIT_LINE
+from dyknow.kpl import parse_specification
 from dyknow.model.errors import DyknowError, SourceText, SpecificationFailed
 from dyknow.model.instants import US_PER_S
-from kpl import parse_specification
-from proxies.files.named_files import bounded_text, opened_file, text_lines
-from proxies.files.watched_file import WatchedFiles
-from proxies.recordings.sample_file import FedSample, read_feed
+from dyknow.proxies.files.named_files import bounded_text, opened_file, text_lines
+from dyknow.proxies.files.watched_file import WatchedFiles
+from dyknow.proxies.recordings.sample_file import FedSample, read_feed
 
 LOOK_S = 0.5
 

@@ -11,17 +11,17 @@ from functools import partial
 from importlib import import_module
 from typing import TYPE_CHECKING, Any, NamedTuple, Protocol
 
-from agents.capabilities.flight.options import FlightOptions
-from agents.effects import InjectFault
-from agents.places import FlightLimits
+from dyknow.agents.capabilities.flight.options import FlightOptions
+from dyknow.agents.effects import InjectFault
+from dyknow.agents.places import FlightLimits
+from dyknow.federation.members.clock import FederationClock
 from dyknow.model.errors import Refused, UnitError
-from federation.members.clock import FederationClock
-from navigation.vehicle import Command, Report
-from runtime.clock import NodeClock
-from runtime.configuration.config import NodeConfig
+from dyknow.navigation.vehicle import Command, Report
+from dyknow.runtime.clock import NodeClock
+from dyknow.runtime.configuration.config import NodeConfig
 
 if TYPE_CHECKING:
-    from proxies.mavlink.port import MavlinkPort
+    from dyknow.proxies.mavlink.port import MavlinkPort
 
 
 class VehiclePart(Protocol):
@@ -73,7 +73,7 @@ class SharedPorts:
 
     def port(self, endpoint: str, key: bytes | None) -> "MavlinkPort":
         """The port of an endpoint, opened when it is first asked for; raises EndpointFailed."""
-        from proxies.mavlink.port import MavlinkPort
+        from dyknow.proxies.mavlink.port import MavlinkPort
 
         with self._lock:
             if (endpoint, key) not in self._open:
@@ -101,7 +101,7 @@ class VehiclePorts(NamedTuple):
         """Floor, ceiling and range of commanded flight, and the ground below; raises WrongCall for a file that is none."""
         options, elevation = self.config[FlightOptions], None
         if options.elevation is not None:
-            from runtime.configuration.elevation_files import read_elevation
+            from dyknow.runtime.configuration.elevation_files import read_elevation
 
             elevation = read_elevation(options.elevation)
             self.note(f"the floor of {options.floor_m:.0f} m is above the ground, too: {elevation}")
@@ -150,9 +150,9 @@ def _none(_table: Any, _ports: VehiclePorts) -> Vehicle:
 @vehicle_kind("mavlink")
 def _mavlink(table: Any, ports: VehiclePorts) -> Vehicle:
     """A vehicle outside this process, heard and commanded over MAVLink."""
-    from proxies.mavlink.endpoints import parse_endpoint
-    from proxies.mavlink.feed import MavlinkFeed
-    from proxies.mavlink.signing import insist_on_key, read_key
+    from dyknow.proxies.mavlink.endpoints import parse_endpoint
+    from dyknow.proxies.mavlink.feed import MavlinkFeed
+    from dyknow.proxies.mavlink.signing import insist_on_key, read_key
 
     key = None if table.signing_key is None else read_key(table.signing_key)
     endpoint = parse_endpoint(table.endpoint)
@@ -161,8 +161,8 @@ def _mavlink(table: Any, ports: VehiclePorts) -> Vehicle:
     feed = MavlinkFeed(port, table.sysid, ports.post, ports.now_us, compid=table.compid)
     parts: list[VehiclePart] = [feed]
     if table.forward is not None:
-        from proxies.outward.forwarding import Forwarder
-        from proxies.outward.outlets import parse_destination
+        from dyknow.proxies.outward.forwarding import Forwarder
+        from dyknow.proxies.outward.outlets import parse_destination
 
         to = parse_destination(table.forward, beyond=True, kinds=("udp",))
         forwarder = Forwarder(
@@ -191,8 +191,8 @@ def _played(ports: VehiclePorts, problem: str, *, stays: bool = False) -> None:
 @vehicle_kind("replay")
 def _replay(table: Any, ports: VehiclePorts) -> Vehicle:
     """A recorded flight; it cannot be commanded."""
-    from proxies.recordings.formats import open_recording
-    from proxies.recordings.replay import Replay
+    from dyknow.proxies.recordings.formats import open_recording
+    from dyknow.proxies.recordings.replay import Replay
 
     epoch_us = ports.now_us() if table.epoch_us is None else table.epoch_us
     replay = Replay(
@@ -210,8 +210,8 @@ def _replay(table: Any, ports: VehiclePorts) -> Vehicle:
 @vehicle_kind("recorded")
 def _recorded(table: Any, ports: VehiclePorts) -> Vehicle:
     """A platform of a recorded federation: it has streams and alarms, and no vehicle."""
-    from agents.playback.recorded_platform import RecordedPlatform
-    from runtime.recordings.playback import Playback
+    from dyknow.agents.playback.recorded_platform import RecordedPlatform
+    from dyknow.runtime.recordings.playback import Playback
 
     playback = Playback(
         table, ports.config.unit, ports.happen, ports.now_us, ports.node_clock.now_us,

@@ -11,7 +11,7 @@ from collections.abc import Callable
 from queue import SimpleQueue
 from typing import Final
 
-from agents.effects import Compute, Computed
+from dyknow.agents.effects import Compute, Computed
 from dyknow.network.process import Outcome
 
 MOST: Final = 32

@@ -11,10 +11,10 @@ from typing import Final, NamedTuple
 import numpy as np
 from numpy.random import Generator
 
-from sim_uavs.cameras.detectors import COLOUR, THERMAL, Visible
-from sim_uavs.cameras.onboard import Scene
-from sim_uavs.dynamics.scenarios import SearchField
-from sim_uavs.roads.drivers import COLOURS
+from dyknow.sim_uavs.cameras.detectors import COLOUR, THERMAL, Visible
+from dyknow.sim_uavs.cameras.onboard import Scene
+from dyknow.sim_uavs.dynamics.scenarios import SearchField
+from dyknow.sim_uavs.roads.drivers import COLOURS
 
 APART_M: Final = 8.0
 INSIDE_M: Final = 2.0

@@ -5,19 +5,19 @@ from pathlib import Path
 from typing import Final
 
 from dyknow.model.errors import WrongCall
-from navigation.cameras.rig import CameraRig
-from navigation.geodesy import LocalFrame
-from runtime.configuration.run_directory import HANDLINGS_FILE
-from sim_uavs.bodies import OnField, bodies_of
-from sim_uavs.boxes.bodies import Air
-from sim_uavs.boxes.handled import BoxWorld
-from sim_uavs.boxes.shared import BoxesOnGround, HandlingFile, HandlingList, HandlingLog, SharedBoxes
-from sim_uavs.boxes.winch import MagnetHoist
-from sim_uavs.cameras.onboard import OnboardCameras, Scene
-from sim_uavs.dynamics.quadcopter import AirframeLimits
-from sim_uavs.dynamics.scenarios import Depot, Scenario, Unit
-from sim_uavs.dynamics.settings import VehicleConfig
-from sim_uavs.streets import watching
+from dyknow.navigation.cameras.rig import CameraRig
+from dyknow.navigation.geodesy import LocalFrame
+from dyknow.runtime.configuration.run_directory import HANDLINGS_FILE
+from dyknow.sim_uavs.bodies import OnField, bodies_of
+from dyknow.sim_uavs.boxes.bodies import Air
+from dyknow.sim_uavs.boxes.handled import BoxWorld
+from dyknow.sim_uavs.boxes.shared import BoxesOnGround, HandlingFile, HandlingList, HandlingLog, SharedBoxes
+from dyknow.sim_uavs.boxes.winch import MagnetHoist
+from dyknow.sim_uavs.cameras.onboard import OnboardCameras, Scene
+from dyknow.sim_uavs.dynamics.quadcopter import AirframeLimits
+from dyknow.sim_uavs.dynamics.scenarios import Depot, Scenario, Unit
+from dyknow.sim_uavs.dynamics.settings import VehicleConfig
+from dyknow.sim_uavs.streets import watching
 
 LOADER: Final = AirframeLimits(mass_kg=8.0, hover_w=900.0, capacity_wh=450.0)
 """An airframe that lifts a carrier with four boxes."""

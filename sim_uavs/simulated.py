@@ -3,17 +3,17 @@
 from dataclasses import replace
 from typing import Any
 
-from agents.effects import InjectFault
-from agents.specification.options import RunOptions
+from dyknow.agents.effects import InjectFault
+from dyknow.agents.specification.options import RunOptions
 from dyknow.model.errors import Refused
-from proxies.mavlink.feed import MavlinkFeed
-from runtime.configuration.config import SimulatedVehicleConfig
-from runtime.vehicles import Vehicle, VehiclePorts, vehicle_kind
-from sim_uavs.autopilot.server import AutopilotServer
-from sim_uavs.dynamics.faults import parse_fault, parse_fault_at
-from sim_uavs.dynamics.flight_plans import plan_of
-from sim_uavs.dynamics.scenarios import ORIGIN, scenario
-from sim_uavs.dynamics.settings import HomePlace, Peer
+from dyknow.proxies.mavlink.feed import MavlinkFeed
+from dyknow.runtime.configuration.config import SimulatedVehicleConfig
+from dyknow.runtime.vehicles import Vehicle, VehiclePorts, vehicle_kind
+from dyknow.sim_uavs.autopilot.server import AutopilotServer
+from dyknow.sim_uavs.dynamics.faults import parse_fault, parse_fault_at
+from dyknow.sim_uavs.dynamics.flight_plans import plan_of
+from dyknow.sim_uavs.dynamics.scenarios import ORIGIN, scenario
+from dyknow.sim_uavs.dynamics.settings import HomePlace, Peer
 
 SETTLE_US = 3_000_000
 """How long after the start routes begin, unless the configuration says when."""
@@ -34,15 +34,15 @@ def simulated(table: SimulatedVehicleConfig, ports: VehiclePorts) -> Vehicle:
     settings: dict[str, Any] = {}
     carried, hoist = None, None
     if situation.streets is not None:
-        from sim_uavs.roads.layouts import network_of
-        from sim_uavs.streets import carried_over, roads_of
+        from dyknow.sim_uavs.roads.layouts import network_of
+        from dyknow.sim_uavs.streets import carried_over, roads_of
 
         carried, settings["cameras"] = carried_over(situation, unit, table.seed)
         flown = replace(flown, has_mount=True)
         if ports.config[RunOptions].roads is None:
             settings["roads"] = network_of(roads_of(situation))
     if situation.depot is not None:
-        from sim_uavs.depot import at_work, loader
+        from dyknow.sim_uavs.depot import at_work, loader
 
         carried, settings["cameras"], hoist = at_work(situation, unit, table.seed, ports.config.hosts)
         flown = loader(flown, situation.depot)

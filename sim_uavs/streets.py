@@ -5,14 +5,14 @@ from math import radians
 import numpy as np
 
 from dyknow.model.errors import WrongCall
-from navigation.cameras.pinhole import Intrinsics
-from navigation.cameras.rig import CameraRig
-from navigation.geodesy import LocalFrame
-from sim_uavs.cameras.detectors import COLOUR, COLOUR_CAMERA, THERMAL, THERMAL_CAMERA, Obstacle
-from sim_uavs.cameras.onboard import OnboardCameras, Scene
-from sim_uavs.dynamics.scenarios import Scenario, Unit
-from sim_uavs.roads.layouts import RoadsJson, blocks
-from sim_uavs.roads.shared import SharedTraffic
+from dyknow.navigation.cameras.pinhole import Intrinsics
+from dyknow.navigation.cameras.rig import CameraRig
+from dyknow.navigation.geodesy import LocalFrame
+from dyknow.sim_uavs.cameras.detectors import COLOUR, COLOUR_CAMERA, THERMAL, THERMAL_CAMERA, Obstacle
+from dyknow.sim_uavs.cameras.onboard import OnboardCameras, Scene
+from dyknow.sim_uavs.dynamics.scenarios import Scenario, Unit
+from dyknow.sim_uavs.roads.layouts import RoadsJson, blocks
+from dyknow.sim_uavs.roads.shared import SharedTraffic
 
 ACROSS_RAD = radians(84.0)
 """The angle of view of cameras that watch traffic from above."""

@@ -12,21 +12,21 @@ from queue import Empty
 from random import Random
 from typing import Any, NamedTuple
 
-from agents.config import PlatformConfig
-from agents.effects import Event
-from agents.platform import Platform
-from federation import keys
-from federation.members.clock import FederationClock
-from federation.members.command_centre import CommandCentre
-from federation.members.member import Member
-from federation.messages.acts import Act, Performative
-from federation.messages.codec import decode_act
-from federation.messages.contents import Content
-from federation.messages.dialogue import Dialogue
-from federation.messages.receipts import RECEIPT_AGENT
-from federation.security.trust import Trust
-from federation.transport import Ask, Put, Reopen, WireEffect
-from navigation.vehicle import (
+from dyknow.agents.config import PlatformConfig
+from dyknow.agents.effects import Event
+from dyknow.agents.platform import Platform
+from dyknow.federation import keys
+from dyknow.federation.members.clock import FederationClock
+from dyknow.federation.members.command_centre import CommandCentre
+from dyknow.federation.members.member import Member
+from dyknow.federation.messages.acts import Act, Performative
+from dyknow.federation.messages.codec import decode_act
+from dyknow.federation.messages.contents import Content
+from dyknow.federation.messages.dialogue import Dialogue
+from dyknow.federation.messages.receipts import RECEIPT_AGENT
+from dyknow.federation.security.trust import Trust
+from dyknow.federation.transport import Ask, Put, Reopen, WireEffect
+from dyknow.navigation.vehicle import (
     NO_ANSWER,
     BatteryReport,
     Command,
@@ -37,12 +37,12 @@ from navigation.vehicle import (
     StatusReport,
     VelocityReport,
 )
-from runtime.client import ClientPorts
-from sim_uavs.dynamics.faults import SimulatedFault
-from sim_uavs.world.sessions import Direction, Session, SessionLink
-from sim_uavs.world.units import WorldNode
-from sim_uavs.world.wire import Wire
-from sim_uavs.world.world import START_US, World
+from dyknow.runtime.client import ClientPorts
+from dyknow.sim_uavs.dynamics.faults import SimulatedFault
+from dyknow.sim_uavs.world.sessions import Direction, Session, SessionLink
+from dyknow.sim_uavs.world.units import WorldNode
+from dyknow.sim_uavs.world.wire import Wire
+from dyknow.sim_uavs.world.world import START_US, World
 
 EPOCH = START_US
 METRE_DEG = 1 / 111_320.0

@@ -11,13 +11,13 @@ from subprocess import CompletedProcess, TimeoutExpired
 
 PATIENCE_S = 100.0
 LOADED = [
-    "console.main",
-    "console.commands.fleet.roster",
-    "console.commands.texts.check",
-    "console.commands.texts.chronicle",
-    "console.commands.texts.specifications",
-    "console.commands.texts.specification_runs",
-    "compunits",
+    "dyknow.console.main",
+    "dyknow.console.commands.fleet.roster",
+    "dyknow.console.commands.texts.check",
+    "dyknow.console.commands.texts.chronicle",
+    "dyknow.console.commands.texts.specifications",
+    "dyknow.console.commands.texts.specification_runs",
+    "dyknow.compunits",
 ]
 if "DYKNOW_REMOVED" in os.environ:
     LOADED.insert(0, "tests.thesis.removing")
@@ -65,6 +65,6 @@ def _command(arguments: list[str], environment: dict[str, str], directory: str, 
         os.close(opened)
     sys.stdout, sys.stderr = os.fdopen(1, "w", closefd=False), os.fdopen(2, "w", closefd=False)
     sys.argv = ["-c", *arguments]
-    from console.main import app
+    from dyknow.console.main import app
 
     app(prog_name="dyknow")

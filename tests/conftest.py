@@ -2,7 +2,7 @@ import os
 
 from hypothesis import HealthCheck, settings
 
-from sim_uavs.world.world import World
+from dyknow.sim_uavs.world.world import World
 
 # Properties are judged by what they find, not by how busy the machine is.
 settings.register_profile("normal", deadline=None, max_examples=25, suppress_health_check=[HealthCheck.too_slow])

@@ -1,7 +1,7 @@
 """Machines that are network namespaces on one switch, whose cables a test can cut, unplug and make lossy.
 
     with lab_of(3) as lab:
-        process = lab.hosts[0].start([sys.executable, "-m", "runtime.node"])
+        process = lab.hosts[0].start([sys.executable, "-m", "dyknow.runtime.node"])
         lab.lose(0.05)                   # 5 % of all frames
         lab.cut(src=0, dst=1)            # what 0 sends to 1 is lost; what 1 sends arrives
         lab.partition({0, 1}, {2})

@@ -2,6 +2,7 @@
 
 import ast
 import re
+import sys
 import tomllib
 import warnings
 from collections import Counter, defaultdict
@@ -15,7 +16,9 @@ import pytest
 ROOT = Path(__file__).parent.parent
 TEXT = (ROOT / "ARCHITECTURE.md").read_text(encoding="utf-8")
 SETTINGS = tomllib.loads((ROOT / "pyproject.toml").read_text(encoding="utf-8"))
-ROOMS: list[str] = SETTINGS["tool"]["importlinter"]["root_packages"]
+BUILD = SETTINGS["tool"]["hatch"]["build"]
+WHEEL = BUILD["targets"]["wheel"]
+ROOMS: list[str] = WHEEL["packages"]
 FOLDERS = sorted({path.parent.relative_to(ROOT).as_posix() for room in ROOMS for path in (ROOT / room).rglob("*.py")})
 
 MODULES_A_FOLDER = 16
@@ -57,6 +60,16 @@ def test_every_test_the_thesis_map_names_exists() -> None:
     assert not missing
 
 
+def test_every_room_is_installed_in_one_package() -> None:
+    """By a link in a checkout, and by the wheel's mapping; never also under its own name."""
+    within = {room: f"dyknow/{room}" for room in ROOMS if room != "dyknow"}
+    links = {each.name: each.resolve() for each in (ROOT / "dyknow").iterdir() if each.is_symlink()}
+    assert links == {room: ROOT / room for room in within}
+    assert WHEEL["sources"] == within
+    assert BUILD["exclude"] == [f"/{link}" for link in within.values()]
+    assert not sys.modules.keys() & within.keys()
+
+
 def lines_of(path: Path) -> int:
     return path.read_text(encoding="utf-8").count("\n")
 
@@ -83,7 +96,7 @@ def circles_of(imports: Mapping[str, set[str]]) -> list[set[str]]:
 @pytest.fixture(scope="module")
 def graph() -> grimp.ImportGraph:
     """Who imports whom, also for types alone."""
-    return grimp.build_graph(*ROOMS, cache_dir=None)
+    return grimp.build_graph("dyknow", cache_dir=None)
 
 
 def test_no_import_circle_among_modules(graph: grimp.ImportGraph) -> None:
@@ -93,10 +106,13 @@ def test_no_import_circle_among_modules(graph: grimp.ImportGraph) -> None:
 
 def test_formats_of_one_command_are_loaded_by_it_alone(graph: grimp.ImportGraph) -> None:
     """So that no node and no other command carries them."""
-    for drawer, command in (("planning.symbolic", "texts.plan"), ("planning.epistemic", "objects.recover")):
+    for drawer, command in (
+        ("dyknow.planning.symbolic", "texts.plan"),
+        ("dyknow.planning.epistemic", "objects.recover"),
+    ):
         inside = {drawer, *graph.find_descendants(drawer)}
         importers = set().union(*map(graph.find_modules_that_directly_import, inside)) - inside
-        assert importers == {f"console.commands.{command}"}
+        assert importers == {f"dyknow.console.commands.{command}"}
 
 
 def test_no_import_circle_among_the_drawers_of_a_room(graph: grimp.ImportGraph) -> None:
@@ -120,7 +136,7 @@ def test_no_import_circle_among_the_drawers_of_a_room(graph: grimp.ImportGraph) 
 
 def test_the_platform_imports_no_capability(graph: grimp.ImportGraph) -> None:
     """What a UAV can do is imported by the platforms that have it; the platform knows how a capability is found."""
-    inside = graph.find_descendants("agents.capabilities") - {"agents.capabilities.capability"}
+    inside = graph.find_descendants("dyknow.agents.capabilities") - {"dyknow.agents.capabilities.capability"}
     assert not {
         (module, imported)
         for module in graph.find_descendants("agents") - inside
@@ -146,7 +162,7 @@ def test_a_drawer_says_what_is_in_it(folder: str) -> None:
     }
     assert ast.get_docstring(tree)
     if exported:
-        listed = import_module(folder.replace("/", ".")).__all__
+        listed = import_module(f"dyknow.{folder.replace('/', '.')}".replace("dyknow.dyknow", "dyknow")).__all__
         constants = [name for name in listed if name.isupper()]
         others = [name for name in listed if not name.isupper() and name[0].isupper()]
         functions = [name for name in listed if name[0].islower()]

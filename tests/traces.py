@@ -1,6 +1,6 @@
 from typing import Any
 
-from reasoning import Outcome, follow_trace
+from dyknow.reasoning import Outcome, follow_trace
 
 
 def check_trace(*given: Any, **named: Any) -> Outcome:

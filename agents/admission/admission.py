@@ -7,22 +7,22 @@ is no service: only parts of the same platform call it, no act reaches it. Times
 from collections.abc import Callable, Iterable
 from typing import Any, TypeAlias
 
-from agents.actions import Action, Role, ServiceTable
-from agents.admission.limits import TEXT_BURST, TEXT_PER_S, text_in
-from agents.containment import place_of
-from agents.part import ClockCompared, Followed, Part, PeerChange
-from agents.ports import PartRegistry, Ports
-from agents.tasks.command_watch import SHOWN, CommandWatch
+from dyknow.agents.actions import Action, Role, ServiceTable
+from dyknow.agents.admission.limits import TEXT_BURST, TEXT_PER_S, text_in
+from dyknow.agents.containment import place_of
+from dyknow.agents.part import ClockCompared, Followed, Part, PeerChange
+from dyknow.agents.ports import PartRegistry, Ports
+from dyknow.agents.tasks.command_watch import SHOWN, CommandWatch
+from dyknow.federation import keys
+from dyknow.federation.members.correspondence import INTERFACE, UNANSWERED
+from dyknow.federation.members.offers import Service, Visibility
+from dyknow.federation.messages.acts import Act, Performative
+from dyknow.federation.messages.contents import Done, Reason, read
+from dyknow.federation.messages.descriptions import ConditionEntry
+from dyknow.federation.messages.protocols import OPENING
+from dyknow.federation.shares import COMMANDING, ActLimits
+from dyknow.federation.transport import Arrived
 from dyknow.model import errors
-from federation import keys
-from federation.members.correspondence import INTERFACE, UNANSWERED
-from federation.members.offers import Service, Visibility
-from federation.messages.acts import Act, Performative
-from federation.messages.contents import Done, Reason, read
-from federation.messages.descriptions import ConditionEntry
-from federation.messages.protocols import OPENING
-from federation.shares import COMMANDING, ActLimits
-from federation.transport import Arrived
 
 P = Performative
 Handler: TypeAlias = Callable[[Act, Any, int], None]

@@ -2,7 +2,7 @@
 
 from typing import Any
 
-from federation.messages.sexpr import Expr
+from dyknow.federation.messages.sexpr import Expr
 
 STREAMS_PER_PEER = 64
 TEXT_PER_S, TEXT_BURST = 4096.0, 65_536.0

@@ -2,17 +2,17 @@
 
 from typing import Final
 
-from agents.actions import QUERIED, SUBSCRIBED, Action, Offer, Role
-from agents.audit_log import AuditEntry
-from agents.part import Part
-from agents.ports import PartRegistry, Ports
-from agents.subscribers import Subscribers
-from agents.tasks.life import TaskLife
-from federation.members.offers import Service
-from federation.messages.acts import Act
-from federation.messages.contents import ActList, ActLog, Acts, Content
-from federation.messages.contents.parts import uncontrolled
-from federation.messages.sexpr import Expr
+from dyknow.agents.actions import QUERIED, SUBSCRIBED, Action, Offer, Role
+from dyknow.agents.audit_log import AuditEntry
+from dyknow.agents.part import Part
+from dyknow.agents.ports import PartRegistry, Ports
+from dyknow.agents.subscribers import Subscribers
+from dyknow.agents.tasks.life import TaskLife
+from dyknow.federation.members.offers import Service
+from dyknow.federation.messages.acts import Act
+from dyknow.federation.messages.contents import ActList, ActLog, Acts, Content
+from dyknow.federation.messages.contents.parts import uncontrolled
+from dyknow.federation.messages.sexpr import Expr
 
 ACTS_A_PAGE = 25
 LONGEST_ACT = 2000

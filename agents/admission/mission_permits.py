@@ -1,18 +1,18 @@
 """Permission to command vehicles in missions: a command centre has it, another platform what a command centre permits it.
 
 A permit is for one mission and names its leader and those that may succeed it, in their order, and runs out after an hour. A
-successor is obeyed only when all before it are gone here: `agents.tasks.authority`. A leader carries the permit, which is the
+successor is obeyed only when all before it are gone here: `dyknow.agents.tasks.authority`. A leader carries the permit, which is the
 command centre's act, to the vehicles that it names. A delegation's own statement of its origin proves nothing.
 """
 
 from collections.abc import Callable
 from typing import Final
 
-from agents.actions import Role
-from agents.tasks.authority import PERMIT_US, Authority, TaskEvidence
+from dyknow.agents.actions import Role
+from dyknow.agents.tasks.authority import PERMIT_US, Authority, TaskEvidence
+from dyknow.federation.messages.acts import Act
+from dyknow.federation.messages.contents import PermitMission
 from dyknow.model.errors import Refused
-from federation.messages.acts import Act
-from federation.messages.contents import PermitMission
 
 MOST: Final = 64
 """Permits that stand at once; a newer one takes the place of the oldest."""

@@ -4,10 +4,10 @@ It scales the certainty of a platform's samples when they arrive, the weight of 
 in the merged answer of a query, and of its vote on the name of an object.
 """
 
-from agents.part import Part, PeerChange
-from agents.ports import PartRegistry, Ports
-from federation.members.liveness import PlatformAppeared
-from kpl.linking.beliefs import trust_in
+from dyknow.agents.part import Part, PeerChange
+from dyknow.agents.ports import PartRegistry, Ports
+from dyknow.federation.members.liveness import PlatformAppeared
+from dyknow.kpl.linking.beliefs import trust_in
 
 
 class PlatformTrust(Part):

@@ -1,1 +1,1 @@
-"""The capabilities of a UAV: a folder each, found by its `capability.py`. `agents.capabilities.capability` says how one is made."""
+"""The capabilities of a UAV: a folder each, found by its `capability.py`. `dyknow.agents.capabilities.capability` says how one is made."""

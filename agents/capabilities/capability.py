@@ -1,8 +1,8 @@
 """A capability of a UAV: a folder in `agents/capabilities` whose `capability.py` makes one `Capability`.
 
 That module imports no parts: they are imported by the platforms that have them. Its options are in its `options.py`
-(`agents.options`), from where each command lists them. The folder is all that a new one needs, besides its contents
-(`federation.messages.contents`) and its command.
+(`dyknow.agents.options`), from where each command lists them. The folder is all that a new one needs, besides its
+contents (`dyknow.federation.messages.contents`) and its command.
 """
 
 from collections.abc import Callable, Iterable, Mapping, Sequence
@@ -13,16 +13,16 @@ from importlib import import_module
 from pkgutil import iter_modules
 from typing import TYPE_CHECKING, Final, NamedTuple, TypeAlias
 
-from agents.actions import Action
-from agents.tasks.requests import TYPED
+from dyknow.agents.actions import Action
+from dyknow.agents.tasks.requests import TYPED
 from dyknow.model.errors import UnitError
 
 if TYPE_CHECKING:
-    from agents.config import PlatformConfig
-    from agents.part import Part
+    from dyknow.agents.config import PlatformConfig
+    from dyknow.agents.part import Part
 
 PartClasses: TypeAlias = "Sequence[type[Part]]"
-PACKAGE: Final = "agents.capabilities"
+PACKAGE: Final = "dyknow.agents.capabilities"
 
 
 class Stage(Enum):
@@ -56,7 +56,7 @@ class Capability:
 
     Attributes:
         groups: its parts.
-        requests: the requests to it that a person can type, as `agents.actions.Action` of its parts.
+        requests: the requests to it that a person can type, as `dyknow.agents.actions.Action` of its parts.
         after: the capabilities whose parts are stepped before its own, at the same stage.
     """
 

@@ -7,25 +7,23 @@ from collections.abc import Mapping, Sequence
 from datetime import UTC, datetime
 from typing import Final
 
-from agents.actions import FEDERATION, QUERIED, SUBSCRIBED, Action, Offer, Role
-from agents.admission.message_log import AUDIT_LOG
-from agents.directory.peer_conditions import PeerConditions
-from agents.effects import Halt, Impaired, LeaveRequested
-from agents.part import ClockCompared, Followed, Part, PeerChange, Within
-from agents.ports import PartRegistry, Ports
-from agents.subscribers import Subscribers
-from agents.tasks.authority import Authority
-from agents.tasks.life import TaskLife
-from agents.tasks.requests import MEMBERSHIP
-from agents.tasks.revocation import end_revoked
-from dyknow.model.errors import DecodeError
-from dyknow.model.instants import US_PER_S
-from federation import keys
-from federation.members import liveness
-from federation.members.offers import LabelAppeared, LabelGone, Service, ServiceAppeared, ServiceGone, Visibility
-from federation.members.replicas import PlatformRefused
-from federation.messages.acts import Act, AgentName, Performative
-from federation.messages.contents import (
+from dyknow.agents.actions import FEDERATION, QUERIED, SUBSCRIBED, Action, Offer, Role
+from dyknow.agents.admission.message_log import AUDIT_LOG
+from dyknow.agents.directory.peer_conditions import PeerConditions
+from dyknow.agents.effects import Halt, Impaired, LeaveRequested
+from dyknow.agents.part import ClockCompared, Followed, Part, PeerChange, Within
+from dyknow.agents.ports import PartRegistry, Ports
+from dyknow.agents.subscribers import Subscribers
+from dyknow.agents.tasks.authority import Authority
+from dyknow.agents.tasks.life import TaskLife
+from dyknow.agents.tasks.requests import MEMBERSHIP
+from dyknow.agents.tasks.revocation import end_revoked
+from dyknow.federation import keys
+from dyknow.federation.members import liveness
+from dyknow.federation.members.offers import LabelAppeared, LabelGone, Service, ServiceAppeared, ServiceGone, Visibility
+from dyknow.federation.members.replicas import PlatformRefused
+from dyknow.federation.messages.acts import Act, AgentName, Performative
+from dyknow.federation.messages.contents import (
     MAX_LIST,
     Content,
     Directory,
@@ -35,8 +33,8 @@ from federation.messages.contents import (
     Search,
     SearchResult,
 )
-from federation.messages.descriptions import ConditionEntry
-from federation.transport import (
+from dyknow.federation.messages.descriptions import ConditionEntry
+from dyknow.federation.transport import (
     Answered,
     Arrived,
     Asked,
@@ -48,6 +46,8 @@ from federation.transport import (
     RosterRead,
     TokenChanged,
 )
+from dyknow.model.errors import DecodeError
+from dyknow.model.instants import US_PER_S
 
 MOST_QUERIED = 2
 """How many older platforms are queried for the platforms that they miss, which this one cannot know yet."""

@@ -5,9 +5,9 @@ They are only shown to users: the word of a single peer changes no platform's be
 
 from collections.abc import Iterable
 
-from federation.members.clock import Standing
-from federation.members.member import Member
-from federation.messages.descriptions import ConditionEntry
+from dyknow.federation.members.clock import Standing
+from dyknow.federation.members.member import Member
+from dyknow.federation.messages.descriptions import ConditionEntry
 
 MOST = 8
 """Peers whose clocks are shown."""

@@ -9,14 +9,14 @@ from collections.abc import Callable
 from dataclasses import dataclass, field
 from typing import NamedTuple, TypeAlias
 
-from agents.exchange.gateway import Gateway
 from dyknow import US_PER_S, Label, Policy, Sample
+from dyknow.agents.exchange.gateway import Gateway
+from dyknow.federation.members.clock import FederationClock
+from dyknow.federation.members.deadlines import Deadlines
+from dyknow.federation.messages.contents import Query, QueryStream
+from dyknow.federation.shares import MemberShare
 from dyknow.model.errors import DyknowError
 from dyknow.network.stream_proxy import StreamProxy
-from federation.members.clock import FederationClock
-from federation.members.deadlines import Deadlines
-from federation.messages.contents import Query, QueryStream
-from federation.shares import MemberShare
 
 StreamQuery: TypeAlias = Query | QueryStream
 """By a semantic label, or by the label that the instance has for the stream."""

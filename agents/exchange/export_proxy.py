@@ -3,16 +3,16 @@
 from collections import Counter
 from collections.abc import Callable, Iterable
 
-from agents.ports import PartRegistry, Ports
 from dyknow import Label, Network, Policy, Sample
+from dyknow.agents.ports import PartRegistry, Ports
+from dyknow.federation.messages.codec import MAX_EVERY, MAX_RIDERS, Rider, StreamSample
+from dyknow.federation.sharing.exports import ContractEnded, ExportEvent, Exports, StreamEnded, StreamName
+from dyknow.federation.sharing.streams import ExportStream
+from dyknow.federation.sharing.translation import Translation
+from dyknow.federation.transport import Put
 from dyknow.model.errors import UnknownLabel
 from dyknow.model.values import without_nan
 from dyknow.network.stream_proxy import StreamProxy
-from federation.messages.codec import MAX_EVERY, MAX_RIDERS, Rider, StreamSample
-from federation.sharing.exports import ContractEnded, ExportEvent, Exports, StreamEnded, StreamName
-from federation.sharing.streams import ExportStream
-from federation.sharing.translation import Translation
-from federation.transport import Put
 
 BATCH = 64
 """Samples that are put together at most: a payload stays far below 64 KiB."""

@@ -1,30 +1,31 @@
 """The DyKnow Federation Agent: exports on request, and takes what others export (thesis 9.3.3).
 
-Queries are answered by `agents.exchange.stream_queries`. Times are the node clock, but for valid and available times.
+Queries are answered by `dyknow.agents.exchange.stream_queries`. Times are the node clock, but for valid and available
+times.
 """
 
 from collections.abc import Iterable
 from dataclasses import asdict
 
-from agents.actions import FEDERATION, INFORMED, QUERIED, Action, Offer, Role
-from agents.admission.limits import STREAMS_PER_PEER
-from agents.exchange.gateway import Gateway, stream_policy
-from agents.exchange.label_agreements import LabelAgreements
-from agents.part import Followed, Part, PeerChange
-from agents.ports import PartRegistry, Ports
-from agents.tasks.life import TaskLife
-from agents.tasks.requests import CREATE_MULTICAST, STOP_MULTICAST
-from agents.tasks.task import Task
 from dyknow import US_PER_S, Policy
+from dyknow.agents.actions import FEDERATION, INFORMED, QUERIED, Action, Offer, Role
+from dyknow.agents.admission.limits import STREAMS_PER_PEER
+from dyknow.agents.exchange.gateway import Gateway, stream_policy
+from dyknow.agents.exchange.label_agreements import LabelAgreements
+from dyknow.agents.part import Followed, Part, PeerChange
+from dyknow.agents.ports import PartRegistry, Ports
+from dyknow.agents.tasks.life import TaskLife
+from dyknow.agents.tasks.requests import CREATE_MULTICAST, STOP_MULTICAST
+from dyknow.agents.tasks.task import Task
+from dyknow.federation import keys
+from dyknow.federation.members.imports import ImportRecord
+from dyknow.federation.members.liveness import Departure, PlatformAppeared, PlatformGone, PlatformReturned
+from dyknow.federation.members.offers import DefinitionsChanged, LabelAppeared, LabelGone
+from dyknow.federation.messages import contents
+from dyknow.federation.messages.acts import Act
+from dyknow.federation.sharing.exports import ContractEnded, EndReason, ExportEvent
+from dyknow.federation.transport import Asked, DeclareQueryable
 from dyknow.model.errors import DyknowError, Refused
-from federation import keys
-from federation.members.imports import ImportRecord
-from federation.members.liveness import Departure, PlatformAppeared, PlatformGone, PlatformReturned
-from federation.members.offers import DefinitionsChanged, LabelAppeared, LabelGone
-from federation.messages import contents
-from federation.messages.acts import Act
-from federation.sharing.exports import ContractEnded, EndReason, ExportEvent
-from federation.transport import Asked, DeclareQueryable
 
 IMPORTS_A_PAGE = 200
 

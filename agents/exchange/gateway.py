@@ -6,13 +6,13 @@ Semantic labels and their units end here; below, the instance knows its own labe
 from collections.abc import Callable, Iterable
 from difflib import SequenceMatcher
 
-from agents.exchange.export_proxy import ExportProxy
-from agents.exchange.import_proxy import ImportProxy
-from agents.ports import PartRegistry, Ports
 from dyknow import US_PER_S, Label, Network, Policy, Sample, Sort, print_span
+from dyknow.agents.exchange.export_proxy import ExportProxy
+from dyknow.agents.exchange.import_proxy import ImportProxy
+from dyknow.agents.ports import PartRegistry, Ports
+from dyknow.federation.sharing.ontology import Ontology
+from dyknow.federation.sharing.translation import Translation
 from dyknow.model.errors import Refused, UnknownLabel, ValueNotAvailable
-from federation.sharing.ontology import Ontology
-from federation.sharing.translation import Translation
 
 PAGE = 256
 

@@ -6,19 +6,19 @@ from dataclasses import dataclass
 from functools import partial
 from typing import Final, TypeAlias
 
-from agents.admission.trusted import PlatformTrust
-from agents.exchange.label_agreements import LabelAgreements
-from agents.exchange.peer_motion import JUDGED, PeerMotion
-from agents.part import Part, PeerChange
-from agents.ports import PartRegistry, Ports
 from dyknow import Policy, PolicyAdapter, Sample
+from dyknow.agents.admission.trusted import PlatformTrust
+from dyknow.agents.exchange.label_agreements import LabelAgreements
+from dyknow.agents.exchange.peer_motion import JUDGED, PeerMotion
+from dyknow.agents.part import Part, PeerChange
+from dyknow.agents.ports import PartRegistry, Ports
+from dyknow.federation.members.clock import Offset, Standing
+from dyknow.federation.members.imports import ImportName
+from dyknow.federation.members.offers import DefinitionsChanged
+from dyknow.federation.messages.codec import StreamSample
+from dyknow.federation.messages.descriptions import ConditionEntry
+from dyknow.federation.sharing.ranges import in_range
 from dyknow.model.errors import SortError
-from federation.members.clock import Offset, Standing
-from federation.members.imports import ImportName
-from federation.members.offers import DefinitionsChanged
-from federation.messages.codec import StreamSample
-from federation.messages.descriptions import ConditionEntry
-from federation.sharing.ranges import in_range
 
 MAX_STREAMS, STREAMS_OF_ONE = 4096, 64
 """Streams that are imported, in all and of one owner."""

@@ -3,12 +3,12 @@
 from collections.abc import Callable
 
 from dyknow import Inputs, Sample, Sort, UnitPrototype, Value
+from dyknow.federation.sharing.translation import LabelConversion
 from dyknow.model.values import without_nan
 from dyknow.network.generator import Generator
 from dyknow.network.process import Input
 from dyknow.network.processes import EVER_US
 from dyknow.network.refinement import RefinementProcess
-from federation.sharing.translation import LabelConversion
 
 
 class Imported(RefinementProcess):

@@ -7,19 +7,19 @@ the node clock.
 from collections.abc import Iterable, Sequence
 from typing import NamedTuple
 
-from agents.actions import Role
-from agents.admission.admission import Denied
-from agents.part import Part, PeerChange
-from agents.ports import PartRegistry, Ports
 from dyknow import Policy
+from dyknow.agents.actions import Role
+from dyknow.agents.admission.admission import Denied
+from dyknow.agents.part import Part, PeerChange
+from dyknow.agents.ports import PartRegistry, Ports
+from dyknow.federation.members.directory import DirectoryEntry
+from dyknow.federation.members.liveness import PlatformGone
+from dyknow.federation.members.offers import DefinitionsChanged, LabelAppeared
+from dyknow.federation.messages.descriptions import ConditionEntry
+from dyknow.federation.sharing.agreement import disagreement
 from dyknow.model.instants import US_PER_S
 from dyknow.model.labels import Label
 from dyknow.model.semantic_labels import SemanticLabel
-from federation.members.directory import DirectoryEntry
-from federation.members.liveness import PlatformGone
-from federation.members.offers import DefinitionsChanged, LabelAppeared
-from federation.messages.descriptions import ConditionEntry
-from federation.sharing.agreement import disagreement
 
 COMMAND_CENTRE = "cc"
 """How command centres are called, with a number after it."""

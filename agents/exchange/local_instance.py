@@ -3,12 +3,12 @@
 from collections.abc import Callable
 from typing import NamedTuple
 
-from agents.effects import Compute, Computed, Effect
-from agents.part import Part
-from agents.ports import PartRegistry, Ports
 from dyknow import Label
+from dyknow.agents.effects import Compute, Computed, Effect
+from dyknow.agents.part import Part
+from dyknow.agents.ports import PartRegistry, Ports
+from dyknow.federation.sharing.translation import LabelConversion
 from dyknow.network.process import Work
-from federation.sharing.translation import LabelConversion
 
 IMPORTED_HISTORY = 600
 """How many samples of an imported stream are kept."""

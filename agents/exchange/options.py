@@ -4,7 +4,7 @@ from typing import Annotated
 
 from pydantic import Field
 
-from agents.options import Flag, OptionPath, Options
+from dyknow.agents.options import Flag, OptionPath, Options
 
 
 class TranslationOptions(Options):

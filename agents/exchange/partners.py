@@ -3,9 +3,9 @@
 from collections.abc import Callable
 from dataclasses import dataclass, field
 
-from agents.exchange.local_instance import LocalInstance
-from agents.exchange.subscription_keeper import SubscriptionKeeper
 from dyknow import Network, Policy, Sample
+from dyknow.agents.exchange.local_instance import LocalInstance
+from dyknow.agents.exchange.subscription_keeper import SubscriptionKeeper
 from dyknow.network.stream_proxy import StreamProxy
 
 MAX_DELAY_US = 1_000_000

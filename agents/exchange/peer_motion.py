@@ -9,13 +9,13 @@ from dataclasses import dataclass, field
 from itertools import chain
 from typing import Final
 
-from agents.part import Followed, Part, PeerChange
-from agents.ports import PartRegistry, Ports
 from dyknow import NO_VALUE, Label, Sample
+from dyknow.agents.part import Followed, Part, PeerChange
+from dyknow.agents.ports import PartRegistry, Ports
+from dyknow.federation.members.liveness import PlatformGone
+from dyknow.federation.messages.descriptions import ConditionEntry
 from dyknow.model.instants import US_PER_S, print_span
-from federation.members.liveness import PlatformGone
-from federation.messages.descriptions import ConditionEntry
-from navigation.stated_motion import DEGREE_M, StatedMotion, StatedPlace, Unflown, moved_m
+from dyknow.navigation.stated_motion import DEGREE_M, StatedMotion, StatedPlace, Unflown, moved_m
 
 JUDGED: Final = frozenset({"heli-position", "heli-altitude", "heli-velocity", "camera-state"})
 LOOK_US: Final = 500_000

@@ -3,7 +3,7 @@
 from collections.abc import Callable, Sequence
 from typing import Final, TypeAlias
 
-from federation.messages.contents import Reading
+from dyknow.federation.messages.contents import Reading
 
 LEAST_VARIANCE: Final = 1e-20
 TrustedReading: TypeAlias = tuple[Reading, float]

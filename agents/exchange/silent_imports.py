@@ -6,15 +6,15 @@ producer is queried for its newest sample; applying the policy to that sample sh
 
 from collections.abc import Iterable
 
-from agents.exchange.import_proxy import ImportProxy
-from agents.part import Part
-from agents.ports import PartRegistry, Ports
 from dyknow import Policy
+from dyknow.agents.exchange.import_proxy import ImportProxy
+from dyknow.agents.part import Part
+from dyknow.agents.ports import PartRegistry, Ports
+from dyknow.federation.members.imports import ImportName
+from dyknow.federation.messages.acts import Act, Performative
+from dyknow.federation.messages.contents import Content, Query, Reading, Samples
+from dyknow.federation.messages.descriptions import ConditionEntry
 from dyknow.model.instants import print_duration
-from federation.members.imports import ImportName
-from federation.messages.acts import Act, Performative
-from federation.messages.contents import Content, Query, Reading, Samples
-from federation.messages.descriptions import ConditionEntry
 
 LOOK_US = 250_000
 SILENT_US = 800_000

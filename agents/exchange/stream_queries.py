@@ -10,20 +10,18 @@ from dataclasses import dataclass, field
 from functools import partial
 from typing import Any
 
-from agents.actions import FEDERATION, QUERIED, Action, Offer, Role
-from agents.admission.trusted import PlatformTrust
-from agents.exchange import readings
-from agents.exchange.dormant import DormantStreams, PendingQuery, StreamQuery
-from agents.exchange.gateway import PAGE, Gateway
-from agents.exchange.label_agreements import LabelAgreements
-from agents.part import Part
-from agents.ports import PartRegistry, Ports
 from dyknow import NO_VALUE, Label, NoValue, Sample, Sort, Value, as_json
-from dyknow.model.errors import DyknowError, ValueNotAvailable
-from dyknow.model.values import LARGEST
-from federation.members.directory import DirectoryEntry
-from federation.messages.acts import Act, Performative
-from federation.messages.contents import (
+from dyknow.agents.actions import FEDERATION, QUERIED, Action, Offer, Role
+from dyknow.agents.admission.trusted import PlatformTrust
+from dyknow.agents.exchange import readings
+from dyknow.agents.exchange.dormant import DormantStreams, PendingQuery, StreamQuery
+from dyknow.agents.exchange.gateway import PAGE, Gateway
+from dyknow.agents.exchange.label_agreements import LabelAgreements
+from dyknow.agents.part import Part
+from dyknow.agents.ports import PartRegistry, Ports
+from dyknow.federation.members.directory import DirectoryEntry
+from dyknow.federation.messages.acts import Act, Performative
+from dyknow.federation.messages.contents import (
     MAX_LIST,
     Answers,
     Content,
@@ -35,7 +33,9 @@ from federation.messages.contents import (
     Samples,
     StreamSamples,
 )
-from federation.messages.rounds import Round
+from dyknow.federation.messages.rounds import Round
+from dyknow.model.errors import DyknowError, ValueNotAvailable
+from dyknow.model.values import LARGEST
 
 GLOBAL_WITHIN_US = 1_500_000
 LONGEST_VALUE = 1024

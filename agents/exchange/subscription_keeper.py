@@ -8,17 +8,17 @@ from collections import Counter
 from collections.abc import Set as AbstractSet
 from dataclasses import dataclass
 
-from agents.exchange.import_proxy import ImportProxy
-from agents.exchange.label_agreements import LabelAgreements
-from agents.part import Followed, Part, PeerChange
-from agents.ports import Needs, PartRegistry, Ports
 from dyknow import US_PER_S
-from federation.members.liveness import PlatformGone, PlatformReturned
-from federation.members.offers import LabelAppeared, ServiceAppeared
-from federation.messages.acts import Act, Performative
-from federation.messages.contents import Content, CreateMulticast
-from federation.messages.contents.parts import LEAST_PERIOD_S
-from federation.messages.rounds import Retries
+from dyknow.agents.exchange.import_proxy import ImportProxy
+from dyknow.agents.exchange.label_agreements import LabelAgreements
+from dyknow.agents.part import Followed, Part, PeerChange
+from dyknow.agents.ports import Needs, PartRegistry, Ports
+from dyknow.federation.members.liveness import PlatformGone, PlatformReturned
+from dyknow.federation.members.offers import LabelAppeared, ServiceAppeared
+from dyknow.federation.messages.acts import Act, Performative
+from dyknow.federation.messages.contents import Content, CreateMulticast
+from dyknow.federation.messages.contents.parts import LEAST_PERIOD_S
+from dyknow.federation.messages.rounds import Retries
 
 FIRST_US = 250_000
 CHECK_US = 250_000

@@ -7,14 +7,14 @@ end, their clients are notified, and they are served again when it or another of
 from collections.abc import Callable
 from typing import Final
 
-from agents.effects import DropHost, HostCame, HostEffect, HostEvent, HostLeft, HostMessage, TakeHost, TellHost
-from agents.hosts.hosted import Host
+from dyknow.agents.effects import DropHost, HostCame, HostEffect, HostEvent, HostLeft, HostMessage, TakeHost, TellHost
+from dyknow.agents.hosts.hosted import Host
+from dyknow.federation.hosts.codec import decode_from_host, encode
+from dyknow.federation.hosts.messages import Beat, FromHost, HostFault, HostOutput, Refuse, Register, Welcome
+from dyknow.federation.members.clock import FederationClock
+from dyknow.kpl import Instance
+from dyknow.kpl.running.compiling import check_offer
 from dyknow.model.errors import DecodeError, DyknowError, LabelAlreadyExists, PrototypeExists, Refused
-from federation.hosts.codec import decode_from_host, encode
-from federation.hosts.messages import Beat, FromHost, HostFault, HostOutput, Refuse, Register, Welcome
-from federation.members.clock import FederationClock
-from kpl import Instance
-from kpl.running.compiling import check_offer
 
 MAX_HOSTS: Final = 32
 SILENT_US: Final = 2_000_000

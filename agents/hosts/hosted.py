@@ -9,6 +9,8 @@ from itertools import groupby
 from typing import Final, NamedTuple
 
 from dyknow import Label, Policy, Prototype, Sort, SourcePrototype, UnitPrototype
+from dyknow.federation.hosts import messages
+from dyknow.federation.hosts.codec import encode, inputs_of, pack_sample
 from dyknow.model.errors import ContentError, DecodeError, SortError, TooEarly
 from dyknow.model.sample import Sample
 from dyknow.model.values import Field
@@ -16,8 +18,6 @@ from dyknow.network.computational_unit import UnitFunction
 from dyknow.network.process import Input
 from dyknow.network.processes import OnDemand
 from dyknow.policies.sampling import Grid
-from federation.hosts import messages
-from federation.hosts.codec import encode, inputs_of, pack_sample
 
 _EVER: Final = 2**63
 

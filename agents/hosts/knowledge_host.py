@@ -7,11 +7,11 @@ for it come out. Sources are read outside, where iterators may block.
 from collections.abc import Iterable, Sequence
 from typing import Final, NamedTuple, TypeAlias
 
-from agents.hosts.scheduling import Scheduler
 from dyknow import ComputationalUnit, Policy, PolicyAdapter, Prototype, Sample, SourcePrototype, UnitPrototype, Value
+from dyknow.agents.hosts.scheduling import Scheduler
+from dyknow.federation.hosts import messages
 from dyknow.model.errors import PolicyNotSupported, raised
 from dyknow.policies.sampling import Grid
-from federation.hosts import messages
 
 MAX_BATCH: Final = 256
 

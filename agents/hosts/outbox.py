@@ -1,8 +1,8 @@
 """Messages of a host that wait to be sent: bounded, the newest samples of each process; a full one blocks no thread."""
 
+from dyknow.federation.hosts.codec import encode, made_of, pack_sample
+from dyknow.federation.hosts.messages import Backlog, Beat, FromHost, HostFault, HostOutput, Register
 from dyknow.model.errors import ContentError
-from federation.hosts.codec import encode, made_of, pack_sample
-from federation.hosts.messages import Backlog, Beat, FromHost, HostFault, HostOutput, Register
 
 MAX_FAULTS = 64
 

@@ -5,17 +5,17 @@ from collections.abc import Mapping
 from itertools import islice
 from typing import Any, Final
 
-from agents.actions import QUERIED, SUBSCRIBED, Action, Offer, Role
-from agents.monitoring.reasons import LONGEST_LABEL, reasons, scalar
-from agents.part import Part
-from agents.ports import PartRegistry, Ports
-from agents.subscribers import Subscribers
-from agents.tasks.life import TaskLife
 from dyknow import Value
-from federation.members.offers import Service, Visibility
-from federation.messages.acts import Act
-from federation.messages.contents import Alarm, AlarmList, Alarms, Content
-from reasoning import AlarmEvent
+from dyknow.agents.actions import QUERIED, SUBSCRIBED, Action, Offer, Role
+from dyknow.agents.monitoring.reasons import LONGEST_LABEL, reasons, scalar
+from dyknow.agents.part import Part
+from dyknow.agents.ports import PartRegistry, Ports
+from dyknow.agents.subscribers import Subscribers
+from dyknow.agents.tasks.life import TaskLife
+from dyknow.federation.members.offers import Service, Visibility
+from dyknow.federation.messages.acts import Act
+from dyknow.federation.messages.contents import Alarm, AlarmList, Alarms, Content
+from dyknow.reasoning import AlarmEvent
 
 KEPT = 1000
 ALARMS_A_PAGE = 20

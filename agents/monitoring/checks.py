@@ -7,29 +7,29 @@ from collections.abc import Callable, Iterable
 from dataclasses import dataclass, field
 from functools import partial
 
-from agents.actions import COORDINATION, Offer
-from agents.admission.admission import reason_of
-from agents.exchange.gateway import Gateway
-from agents.exchange.label_agreements import LabelAgreements
-from agents.monitoring.reasons import because
-from agents.monitoring.text_reading import TextReading
-from agents.part import Part
-from agents.ports import PartRegistry, Ports
-from agents.tasks.life import TaskLife
-from agents.tasks.requests import CHECK_FORMULA, LATER, WHEN
-from agents.tasks.task import Task
 from dyknow import NO_VALUE, US_PER_S, Label, Policy, earlier
+from dyknow.agents.actions import COORDINATION, Offer
+from dyknow.agents.admission.admission import reason_of
+from dyknow.agents.exchange.gateway import Gateway
+from dyknow.agents.exchange.label_agreements import LabelAgreements
+from dyknow.agents.monitoring.reasons import because
+from dyknow.agents.monitoring.text_reading import TextReading
+from dyknow.agents.part import Part
+from dyknow.agents.ports import PartRegistry, Ports
+from dyknow.agents.tasks.life import TaskLife
+from dyknow.agents.tasks.requests import CHECK_FORMULA, LATER, WHEN
+from dyknow.agents.tasks.task import Task
+from dyknow.federation.members.deadlines import Deadlines
+from dyknow.federation.messages.acts import Act, Performative
+from dyknow.federation.messages.contents import CheckFormula, Reason, Verdict, When, read
+from dyknow.federation.messages.contents.parts import MAX_LIST
+from dyknow.kpl import parse_formula, print_specification
+from dyknow.kpl.checking.needs import domains_of
+from dyknow.kpl.running.asking import read_over
+from dyknow.kpl.running.formula_states import FormulaState, FormulaStates
 from dyknow.model.errors import ContentError, DyknowError, Refused, TextError, UnknownLabel
-from federation.members.deadlines import Deadlines
-from federation.messages.acts import Act, Performative
-from federation.messages.contents import CheckFormula, Reason, Verdict, When, read
-from federation.messages.contents.parts import MAX_LIST
-from kpl import parse_formula, print_specification
-from kpl.checking.needs import domains_of
-from kpl.running.asking import read_over
-from kpl.running.formula_states import FormulaState, FormulaStates
-from reasoning import Formula, Progressing, make_progression
-from reasoning.formulas.tree import Eventually
+from dyknow.reasoning import Formula, Progressing, make_progression
+from dyknow.reasoning.formulas.tree import Eventually
 
 PERIOD_US = 100_000
 MOST_WAITING, MOST_OF_ONE = 16, 4

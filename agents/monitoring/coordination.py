@@ -2,34 +2,34 @@
 
 The coordinator, the recipient of `monitor-proximity`, looks up which platforms are there, has each export what the
 formulas need and set up the monitors, does the same itself, and takes newcomers in. Every participant keeps its own
-inputs alive (`agents.exchange.subscription_keeper`). States and successors of a task: `agents.tasks.life`. Times are the
+inputs alive (`dyknow.agents.exchange.subscription_keeper`). States and successors of a task: `dyknow.agents.tasks.life`. Times are the
 node clock.
 """
 
 from collections.abc import Iterable
 
-from agents.actions import COORDINATION, FEDERATION, INFORMED, Action, Offer
-from agents.exchange.federation_agent import FederationAgent
-from agents.exchange.subscription_keeper import SubscriptionKeeper
-from agents.monitoring.alarm_log import alarm_content
-from agents.monitoring.monitor_plans import MonitorPlan, PlanBook, exports_of
-from agents.monitoring.monitors import UnitMonitors
-from agents.monitoring.reported_alarms import ReportedAlarms
-from agents.part import Part, PeerChange
-from agents.ports import PartRegistry, Ports
-from agents.tasks.authority import Authority
-from agents.tasks.command_watch import ABOUT_COMMANDERS
-from agents.tasks.life import TaskLife
-from agents.tasks.requests import CREATE_MONITOR, MONITOR_PROXIMITY, REMOVE_MONITOR
-from agents.tasks.task import Claim, CoordinatedTask, Task
 from dyknow import US_PER_S, earlier
+from dyknow.agents.actions import COORDINATION, FEDERATION, INFORMED, Action, Offer
+from dyknow.agents.exchange.federation_agent import FederationAgent
+from dyknow.agents.exchange.subscription_keeper import SubscriptionKeeper
+from dyknow.agents.monitoring.alarm_log import alarm_content
+from dyknow.agents.monitoring.monitor_plans import MonitorPlan, PlanBook, exports_of
+from dyknow.agents.monitoring.monitors import UnitMonitors
+from dyknow.agents.monitoring.reported_alarms import ReportedAlarms
+from dyknow.agents.part import Part, PeerChange
+from dyknow.agents.ports import PartRegistry, Ports
+from dyknow.agents.tasks.authority import Authority
+from dyknow.agents.tasks.command_watch import ABOUT_COMMANDERS
+from dyknow.agents.tasks.life import TaskLife
+from dyknow.agents.tasks.requests import CREATE_MONITOR, MONITOR_PROXIMITY, REMOVE_MONITOR
+from dyknow.agents.tasks.task import Claim, CoordinatedTask, Task
+from dyknow.federation.members.directory import unit_order
+from dyknow.federation.members.liveness import PlatformGone
+from dyknow.federation.members.offers import ServiceAppeared
+from dyknow.federation.messages import contents
+from dyknow.federation.messages.acts import Act, Performative
 from dyknow.model.errors import DyknowError, Refused
-from federation.members.directory import unit_order
-from federation.members.liveness import PlatformGone
-from federation.members.offers import ServiceAppeared
-from federation.messages import contents
-from federation.messages.acts import Act, Performative
-from reasoning import OF_SEPARATION, AlarmEvent
+from dyknow.reasoning import OF_SEPARATION, AlarmEvent
 
 RETRY_US = 1_000_000
 """How long after a failure or silence a platform gets the next request for its part of a task."""

@@ -3,19 +3,19 @@
 from collections.abc import Callable, Iterable, Mapping, Sequence
 from dataclasses import dataclass, replace
 
-from agents.ports import PartRegistry, Ports
-from agents.tasks.requests import DEFAULT_TASK
-from agents.tasks.task import TaskPlan
 from dyknow import US_PER_S, Policy, Value
+from dyknow.agents.ports import PartRegistry, Ports
+from dyknow.agents.tasks.requests import DEFAULT_TASK
+from dyknow.agents.tasks.task import TaskPlan
+from dyknow.federation.messages.contents import CreateMulticast
+from dyknow.federation.sharing.translation import Translation
+from dyknow.kpl import Specification, profile_formula
+from dyknow.kpl.running.formula_states import states_of
+from dyknow.kpl.syntax.specification import MonitorDeclaration, StreamTerm
 from dyknow.model.errors import DyknowError, Refused, did_you_mean
 from dyknow.model.instants import print_duration
-from federation.messages.contents import CreateMulticast
-from federation.sharing.translation import Translation
-from kpl import Specification, profile_formula
-from kpl.running.formula_states import states_of
-from kpl.syntax.specification import MonitorDeclaration, StreamTerm
-from reasoning import Derivation, Formula, clearance, instantiate, required_labels, split_growing
-from reasoning.monitoring.profiles import AIRCRAFT, Profile
+from dyknow.reasoning import Derivation, Formula, clearance, instantiate, required_labels, split_growing
+from dyknow.reasoning.monitoring.profiles import AIRCRAFT, Profile
 
 MAX_DELAY_US = 60_000_000
 """A monitor keeps every state that is not complete yet, for as long as its delay."""

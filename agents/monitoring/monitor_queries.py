@@ -3,18 +3,17 @@
 from collections.abc import Iterator
 from typing import Literal, NamedTuple
 
-from agents.actions import COORDINATION, QUERIED, SUBSCRIBED, Action, Offer, Role
-from agents.monitoring.alarm_log import ALARMS
-from agents.monitoring.monitor_plans import states_declaration
-from agents.monitoring.monitors import UnitMonitors
-from agents.monitoring.reasons import reasons
-from agents.part import Part
-from agents.ports import PartRegistry, Ports
-from agents.subscribers import Subscribers
-from agents.tasks.life import TaskLife
-from dyknow.model.values import LARGEST
-from federation.messages.acts import Act, Performative
-from federation.messages.contents import (
+from dyknow.agents.actions import COORDINATION, QUERIED, SUBSCRIBED, Action, Offer, Role
+from dyknow.agents.monitoring.alarm_log import ALARMS
+from dyknow.agents.monitoring.monitor_plans import states_declaration
+from dyknow.agents.monitoring.monitors import UnitMonitors
+from dyknow.agents.monitoring.reasons import reasons
+from dyknow.agents.part import Part
+from dyknow.agents.ports import PartRegistry, Ports
+from dyknow.agents.subscribers import Subscribers
+from dyknow.agents.tasks.life import TaskLife
+from dyknow.federation.messages.acts import Act, Performative
+from dyknow.federation.messages.contents import (
     IDLE,
     MAX_LIST,
     MonitorChange,
@@ -23,9 +22,10 @@ from federation.messages.contents import (
     MonitorList,
     Monitors,
 )
-from kpl import print_specification
-from kpl.checking.error_collector import shortened
-from reasoning import Monitor
+from dyknow.kpl import print_specification
+from dyknow.kpl.checking.error_collector import shortened
+from dyknow.model.values import LARGEST
+from dyknow.reasoning import Monitor
 
 MONITORS_A_PAGE = 40
 LONGEST_STATES = 1000

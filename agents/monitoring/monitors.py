@@ -9,14 +9,14 @@ from collections.abc import Callable, Iterable
 from dataclasses import dataclass, field
 from functools import partial
 
-from agents.containment import Containment
-from agents.monitoring.monitor_plans import MonitorPlan, StateMaker
-from agents.monitoring.taps import Feed, Tap
-from agents.ports import Needs, PartRegistry, Ports
 from dyknow import Label, Network, Policy, Sample, SharedState, SharedSynchronizer, Strand, earlier
+from dyknow.agents.containment import Containment
+from dyknow.agents.monitoring.monitor_plans import MonitorPlan, StateMaker
+from dyknow.agents.monitoring.taps import Feed, Tap
+from dyknow.agents.ports import Needs, PartRegistry, Ports
+from dyknow.federation.sharing.translation import LabelConversion
 from dyknow.model.errors import DyknowError, Refused, UnknownLabel
-from federation.sharing.translation import LabelConversion
-from reasoning import AlarmEvent, Monitor
+from dyknow.reasoning import AlarmEvent, Monitor
 
 MAX_INSTANCES = 4096
 

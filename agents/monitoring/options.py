@@ -2,7 +2,7 @@
 
 from pydantic import Field
 
-from agents.options import OptionPath, Options
+from dyknow.agents.options import OptionPath, Options
 
 
 class MonitoringOptions(Options):

@@ -5,12 +5,12 @@ from itertools import islice
 from typing import Final
 
 from dyknow import NoValue, Value, as_json
+from dyknow.federation.messages.contents import Because
+from dyknow.kpl import print_formula
+from dyknow.kpl.checking.error_collector import shortened
 from dyknow.model.values import LARGEST
-from federation.messages.contents import Because
-from kpl import print_formula
-from kpl.checking.error_collector import shortened
-from reasoning.formulas.tree import Formula
-from reasoning.progression.explaining import Explanation
+from dyknow.reasoning.formulas.tree import Formula
+from dyknow.reasoning.progression.explaining import Explanation
 
 MOST_SAMPLES: Final = 8
 LONGEST: Final = 1000

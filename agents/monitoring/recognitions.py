@@ -3,25 +3,25 @@
 from itertools import count
 from typing import NamedTuple
 
-from agents.actions import COORDINATION, SUBSCRIBED, Action, Offer
-from agents.admission.admission import reason_of
-from agents.exchange.label_agreements import LabelAgreements
-from agents.monitoring.text_reading import TextReading
-from agents.part import Part
-from agents.ports import PartRegistry, Ports
-from agents.tasks.life import TaskLife
 from dyknow import US_PER_S, Label, Predicted
+from dyknow.agents.actions import COORDINATION, SUBSCRIBED, Action, Offer
+from dyknow.agents.admission.admission import reason_of
+from dyknow.agents.exchange.label_agreements import LabelAgreements
+from dyknow.agents.monitoring.text_reading import TextReading
+from dyknow.agents.part import Part
+from dyknow.agents.ports import PartRegistry, Ports
+from dyknow.agents.tasks.life import TaskLife
+from dyknow.federation.members.deadlines import Deadlines
+from dyknow.federation.messages.acts import Act, Performative
+from dyknow.federation.messages.contents import MAX_LIST, Content, Expected, Reason, Recognise, Recognised
+from dyknow.kpl import parse_chronicles
+from dyknow.kpl.checking.error_collector import shortened
+from dyknow.kpl.running.chronicle_streams import MAX_DELAY_US
+from dyknow.kpl.running.chronicle_watch import ChronicleWatch, PartialWatch
 from dyknow.model.errors import ChronicleError, ContentError, DyknowError, Refused
 from dyknow.model.instants import US_PER_MS
-from federation.members.deadlines import Deadlines
-from federation.messages.acts import Act, Performative
-from federation.messages.contents import MAX_LIST, Content, Expected, Reason, Recognise, Recognised
-from kpl import parse_chronicles
-from kpl.checking.error_collector import shortened
-from kpl.running.chronicle_streams import MAX_DELAY_US
-from kpl.running.chronicle_watch import ChronicleWatch, PartialWatch
-from reasoning.chronicles import ChronicleInstance, Partial, Recogniser, RecognitionLimits
-from reasoning.chronicles.definition.model import ChronicleFile
+from dyknow.reasoning.chronicles import ChronicleInstance, Partial, Recogniser, RecognitionLimits
+from dyknow.reasoning.chronicles.definition.model import ChronicleFile
 
 TIMEOUT_S = 60.0
 MOST, MOST_OF_ONE = 16, 2

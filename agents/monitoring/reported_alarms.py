@@ -8,8 +8,8 @@ from collections.abc import Iterable
 from typing import NamedTuple
 
 from dyknow import earlier
-from federation.messages.contents import Alarm
-from federation.shares import ActLimits
+from dyknow.federation.messages.contents import Alarm
+from dyknow.federation.shares import ActLimits
 
 CONFIRM_US = 1_000_000
 """How long after an alarm the others of its units may raise theirs."""

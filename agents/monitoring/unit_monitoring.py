@@ -1,15 +1,15 @@
 """The monitors of a platform in a federation whose members come, go and have clocks of their own (thesis 9.4.2)."""
 
-from agents.actions import FEDERATION
-from agents.exchange.import_proxy import ImportProxy
-from agents.monitoring.monitors import UnitMonitors
-from agents.part import ClockCompared, Followed, Part, PeerChange
-from agents.ports import PartRegistry, Ports
 from dyknow import earlier
-from federation.members.clock import Standing
-from federation.members.deadlines import Deadlines
-from federation.members.liveness import Departure, PlatformGone
-from federation.members.offers import ServiceAppeared
+from dyknow.agents.actions import FEDERATION
+from dyknow.agents.exchange.import_proxy import ImportProxy
+from dyknow.agents.monitoring.monitors import UnitMonitors
+from dyknow.agents.part import ClockCompared, Followed, Part, PeerChange
+from dyknow.agents.ports import PartRegistry, Ports
+from dyknow.federation.members.clock import Standing
+from dyknow.federation.members.deadlines import Deadlines
+from dyknow.federation.members.liveness import Departure, PlatformGone
+from dyknow.federation.members.offers import ServiceAppeared
 
 FORGOTTEN_US = 60_000_000
 """How long the monitors over a platform that died are kept, as missing."""

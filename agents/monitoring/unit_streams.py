@@ -2,16 +2,16 @@
 
 from collections.abc import Callable, Sequence
 
-from agents.monitoring.monitors import UnitMonitors
 from dyknow import Label, Sample, Sort, Value
+from dyknow.agents.monitoring.monitors import UnitMonitors
+from dyknow.federation.sharing.translation import Translation
+from dyknow.kpl.checking.symbols import OF_A_PLATFORM
 from dyknow.network.process import Input, Process
 from dyknow.network.processes import OnDemand
 from dyknow.objects.object_streams import ObjectStreams
-from federation.sharing.translation import Translation
-from kpl.checking.symbols import OF_A_PLATFORM
-from reasoning.features.derivation import POSITION, FeatureInput
-from reasoning.features.derived_streams import Demand, derived_stream, local_input
-from reasoning.formulas.tree import Feature, Formula, walk
+from dyknow.reasoning.features.derivation import POSITION, FeatureInput
+from dyknow.reasoning.features.derived_streams import Demand, derived_stream, local_input
+from dyknow.reasoning.formulas.tree import Feature, Formula, walk
 
 UNITS = Label(OF_A_PLATFORM)
 

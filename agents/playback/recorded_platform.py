@@ -9,17 +9,17 @@ federation time, moved by the recording's reader to when they are played.
 from collections.abc import Iterable
 from typing import NamedTuple
 
-from agents.audit_log import RECORDED, Direction
-from agents.exchange.label_agreements import LabelAgreements
-from agents.exchange.local_instance import LocalInstance
-from agents.part import Followed, Part
-from agents.ports import PartRegistry, Ports
 from dyknow import NO_VALUE, SURE, Quality, Sample, Value
+from dyknow.agents.audit_log import RECORDED, Direction
+from dyknow.agents.exchange.label_agreements import LabelAgreements
+from dyknow.agents.exchange.local_instance import LocalInstance
+from dyknow.agents.part import Followed, Part
+from dyknow.agents.ports import PartRegistry, Ports
+from dyknow.federation.messages.acts import Act
+from dyknow.federation.messages.descriptions import LabelEntry
 from dyknow.model.errors import Refused, SortError
 from dyknow.model.semantic_labels import SemanticLabel
-from federation.messages.acts import Act
-from federation.messages.descriptions import LabelEntry
-from reasoning import AlarmEvent
+from dyknow.reasoning import AlarmEvent
 
 
 class PlayedSample(NamedTuple):

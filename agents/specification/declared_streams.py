@@ -1,13 +1,13 @@
 """Streams of the instance that others ask for by its own labels, whether they are exported or not."""
 
-from agents.exchange.label_agreements import LabelAgreements
-from agents.hosts.hosted import HostedProcess
-from agents.ports import PartRegistry, Ports
 from dyknow import Label, Network
+from dyknow.agents.exchange.label_agreements import LabelAgreements
+from dyknow.agents.hosts.hosted import HostedProcess
+from dyknow.agents.ports import PartRegistry, Ports
+from dyknow.federation.sharing.translation import Translation
+from dyknow.kpl import Instance
+from dyknow.kpl.syntax.specification import Import
 from dyknow.model.errors import Refused, UnknownLabel
-from federation.sharing.translation import Translation
-from kpl import Instance
-from kpl.syntax.specification import Import
 
 
 class DeclaredStreams:

@@ -5,12 +5,12 @@ Times are the node clock.
 
 from typing import Final
 
-from agents.effects import Keep
-from agents.part import Part
-from agents.ports import PartRegistry, Ports
 from dyknow import US_PER_S, Label
+from dyknow.agents.effects import Keep
+from dyknow.agents.part import Part
+from dyknow.agents.ports import PartRegistry, Ports
+from dyknow.kpl.linking.beliefs import BeliefStream
 from dyknow.model.errors import DyknowError
-from kpl.linking.beliefs import BeliefStream
 
 LOOK_US: Final = US_PER_S
 

@@ -3,31 +3,31 @@
 from collections.abc import Callable, Iterable, Iterator
 from typing import TYPE_CHECKING, Any, Protocol, TypeAlias
 
-from agents.actions import QUERIED, Action, Offer, Role
-from agents.exchange.label_agreements import LabelAgreements
-from agents.part import Part
-from agents.ports import PartRegistry, Ports
-from agents.specification.specification_part import SPECIFICATION
 from dyknow import NO_VALUE, Label, Sample
+from dyknow.agents.actions import QUERIED, Action, Offer, Role
+from dyknow.agents.exchange.label_agreements import LabelAgreements
+from dyknow.agents.part import Part
+from dyknow.agents.ports import PartRegistry, Ports
+from dyknow.agents.specification.specification_part import SPECIFICATION
+from dyknow.federation.messages.acts import Act
+from dyknow.federation.messages.contents import ObjectEntry, ObjectEvent, ObjectEvents, ObjectList
+from dyknow.federation.messages.descriptions import in_one_line
+from dyknow.kpl.introspection.link_reasons import because
+from dyknow.kpl.linking.branches import ways
+from dyknow.kpl.linking.streams import LinkStream
+from dyknow.kpl.linking.wants import Wanted
+from dyknow.kpl.syntax.printing import print_formula
+from dyknow.kpl.syntax.specification import RECOGNISED
 from dyknow.model.errors import Refused
 from dyknow.model.instants import US_PER_MS, print_span
 from dyknow.model.values import without_nan
 from dyknow.network.process import Process
 from dyknow.objects.object_table import ObjectTable
-from federation.messages.acts import Act
-from federation.messages.contents import ObjectEntry, ObjectEvent, ObjectEvents, ObjectList
-from federation.messages.descriptions import in_one_line
-from kpl.introspection.link_reasons import because
-from kpl.linking.branches import ways
-from kpl.linking.streams import LinkStream
-from kpl.linking.wants import Wanted
-from kpl.syntax.printing import print_formula
-from kpl.syntax.specification import RECOGNISED
-from reasoning.chronicles import MINUS_INFINITY
+from dyknow.reasoning.chronicles import MINUS_INFINITY
 
 if TYPE_CHECKING:
-    from anchoring.belief.reports import LifeEvent
-    from anchoring.links.objects import LinkEvent, LinkObject
+    from dyknow.anchoring.belief.reports import LifeEvent
+    from dyknow.anchoring.links.objects import LinkEvent, LinkObject
 
 OBJECTS_A_PAGE, MOST_EVENTS = 40, 400
 LONGEST_TEXT = 200

@@ -4,7 +4,7 @@ from typing import Annotated, Final, Literal
 
 from pydantic import Field
 
-from agents.options import DURATION_TEXT, Flag, Modules, OptionPath, Options, read_duration
+from dyknow.agents.options import DURATION_TEXT, Flag, Modules, OptionPath, Options, read_duration
 
 GOVERN_MOST_US: Final = 60_000_000
 

@@ -1,29 +1,29 @@
 """The specification of a platform, shown to and changed by other members: declarations come, go, and come back.
 
-A requested change is checked as a whole before anything changes (`kpl.running.instance`). A change comes with its text and the
+A requested change is checked as a whole before anything changes (`dyknow.kpl.running.instance`). A change comes with its text and the
 chronicle files that this names; the code of units is never sent: they are named, and must be there.
 """
 
 from collections.abc import Iterable, Sequence
 
-from agents.actions import QUERIED, Action, Offer, Role
-from agents.monitoring.monitors import UnitMonitors
-from agents.part import Part
-from agents.ports import PartRegistry, Ports
-from agents.specification.specification_part import OWNER, SPECIFICATION, SpecificationPart, read
-from agents.tasks.requests import RESET
 from dyknow import Label, Network
+from dyknow.agents.actions import QUERIED, Action, Offer, Role
+from dyknow.agents.monitoring.monitors import UnitMonitors
+from dyknow.agents.part import Part
+from dyknow.agents.ports import PartRegistry, Ports
+from dyknow.agents.specification.specification_part import OWNER, SPECIFICATION, SpecificationPart, read
+from dyknow.agents.tasks.requests import RESET
+from dyknow.federation.messages import contents
+from dyknow.federation.messages.acts import Act, Performative
+from dyknow.federation.messages.contents.parts import uncontrolled
+from dyknow.federation.shares import ActLimits
+from dyknow.kpl import Specification, print_declaration, print_specification
+from dyknow.kpl.checking.symbols import symbol_of
+from dyknow.kpl.introspection.drawings import drawn
+from dyknow.kpl.introspection.graph import graph_of
+from dyknow.kpl.running.changes import difference
+from dyknow.kpl.syntax.specification import Declaration, MonitorDeclaration
 from dyknow.model.errors import Refused, SourceText, TextError, did_you_mean
-from federation.messages import contents
-from federation.messages.acts import Act, Performative
-from federation.messages.contents.parts import uncontrolled
-from federation.shares import ActLimits
-from kpl import Specification, print_declaration, print_specification
-from kpl.checking.symbols import symbol_of
-from kpl.introspection.drawings import drawn
-from kpl.introspection.graph import graph_of
-from kpl.running.changes import difference
-from kpl.syntax.specification import Declaration, MonitorDeclaration
 
 PAGE = 4000
 """Characters of a specification in one answer."""
@@ -34,7 +34,7 @@ _LISTED, _LINE = 20, 300
 
 
 class SpecificationChanges(Part):
-    """Shows and changes the specification for other members, by their roles (`agents.actions.Role`).
+    """Shows and changes the specification for other members, by their roles (`dyknow.agents.actions.Role`).
 
     Args:
         monitors: a declaration that a task needs is not taken back.

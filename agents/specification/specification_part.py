@@ -9,43 +9,43 @@ from collections.abc import Iterable, Mapping
 from functools import lru_cache, partial
 from typing import Any, Final
 
-from agents.effects import Fed, FedTogether, HostCame, HostEvent, HostLeft, HostMessage, Specify, Tell, Waited
-from agents.exchange.export_proxy import ExportProxy
-from agents.exchange.import_proxy import ImportProxy
-from agents.exchange.imported import ImportDemand, Imported, converting
-from agents.exchange.label_agreements import LabelAgreements, Restriction, stream_offer
-from agents.exchange.local_instance import LocalInstance
-from agents.exchange.subscription_keeper import SubscriptionKeeper
-from agents.hosts.host_desk import HostDesk
-from agents.monitoring.monitor_plans import MonitorPlan, PlanBook, declared_profile
-from agents.monitoring.monitors import UnitMonitors
-from agents.monitoring.unit_monitoring import UnitMonitoring
-from agents.monitoring.unit_streams import UnitStreams
-from agents.part import Followed, Part, PeerChange
-from agents.ports import PartRegistry, Ports
-from agents.specification.options import RunOptions
 from dyknow import Label, Policy, Sample
+from dyknow.agents.effects import Fed, FedTogether, HostCame, HostEvent, HostLeft, HostMessage, Specify, Tell, Waited
+from dyknow.agents.exchange.export_proxy import ExportProxy
+from dyknow.agents.exchange.import_proxy import ImportProxy
+from dyknow.agents.exchange.imported import ImportDemand, Imported, converting
+from dyknow.agents.exchange.label_agreements import LabelAgreements, Restriction, stream_offer
+from dyknow.agents.exchange.local_instance import LocalInstance
+from dyknow.agents.exchange.subscription_keeper import SubscriptionKeeper
+from dyknow.agents.hosts.host_desk import HostDesk
+from dyknow.agents.monitoring.monitor_plans import MonitorPlan, PlanBook, declared_profile
+from dyknow.agents.monitoring.monitors import UnitMonitors
+from dyknow.agents.monitoring.unit_monitoring import UnitMonitoring
+from dyknow.agents.monitoring.unit_streams import UnitStreams
+from dyknow.agents.part import Followed, Part, PeerChange
+from dyknow.agents.ports import PartRegistry, Ports
+from dyknow.agents.specification.options import RunOptions
+from dyknow.federation.members.liveness import Departure, PlatformAppeared, PlatformGone
+from dyknow.federation.members.offers import Service
+from dyknow.federation.messages.descriptions import LabelEntry
+from dyknow.kpl import Hooks, Instance, Specification, parse_specification, print_declaration
+from dyknow.kpl.checking.needs import domains_of
+from dyknow.kpl.checking.symbols import OF_A_PLATFORM
+from dyknow.kpl.checking.warnings import run_warnings
+from dyknow.kpl.introspection.governor import Governor
+from dyknow.kpl.introspection.graph import maker_of, origins_of
+from dyknow.kpl.introspection.records import FaultLog, alarm_record, found_record, producer_record, sample_record
+from dyknow.kpl.running.asking import features_of
+from dyknow.kpl.running.formula_states import PREDICTED
+from dyknow.kpl.running.ports import Undo, nothing
+from dyknow.kpl.syntax.specification import CALLED, Export, Import, MonitorDeclaration, StreamTerm
 from dyknow.model.errors import Refused, SourceText, TextError, TextErrors, Unmade
 from dyknow.model.semantic_labels import SemanticLabel
 from dyknow.network.process import Input
 from dyknow.network.refinement import RefinementProcess
-from federation.members.liveness import Departure, PlatformAppeared, PlatformGone
-from federation.members.offers import Service
-from federation.messages.descriptions import LabelEntry
-from kpl import Hooks, Instance, Specification, parse_specification, print_declaration
-from kpl.checking.needs import domains_of
-from kpl.checking.symbols import OF_A_PLATFORM
-from kpl.checking.warnings import run_warnings
-from kpl.introspection.governor import Governor
-from kpl.introspection.graph import maker_of, origins_of
-from kpl.introspection.records import FaultLog, alarm_record, found_record, producer_record, sample_record
-from kpl.running.asking import features_of
-from kpl.running.formula_states import PREDICTED
-from kpl.running.ports import Undo, nothing
-from kpl.syntax.specification import CALLED, Export, Import, MonitorDeclaration, StreamTerm
-from reasoning import AlarmEvent
-from reasoning.features.derivation import FeatureInput
-from reasoning.formulas.tree import Formula, split_growing
+from dyknow.reasoning import AlarmEvent
+from dyknow.reasoning.features.derivation import FeatureInput
+from dyknow.reasoning.formulas.tree import Formula, split_growing
 
 SPECIFICATION: Final = Service("specification", "gateway")
 OWNER = "specification"

@@ -13,14 +13,13 @@ from collections.abc import Callable, Iterable
 from hashlib import sha256
 from typing import Final, NamedTuple, TypeAlias
 
-from agents.actions import COORDINATION, FEDERATION, INFORMED, REQUESTED, Action, Offer, Role
-from agents.part import Part, PeerChange
-from agents.ports import PartRegistry, Ports
-from dyknow.model.errors import ContentError, Refused
-from federation.members.directory import DirectoryEntry, unit_order
-from federation.members.liveness import PeerState, PlatformAppeared, PlatformGone
-from federation.messages.acts import Act, Performative
-from federation.messages.contents import (
+from dyknow.agents.actions import COORDINATION, FEDERATION, INFORMED, REQUESTED, Action, Offer, Role
+from dyknow.agents.part import Part, PeerChange
+from dyknow.agents.ports import PartRegistry, Ports
+from dyknow.federation.members.directory import DirectoryEntry, unit_order
+from dyknow.federation.members.liveness import PeerState, PlatformAppeared, PlatformGone
+from dyknow.federation.messages.acts import Act, Performative
+from dyknow.federation.messages.contents import (
     Content,
     DivideArea,
     MonitorProximity,
@@ -30,7 +29,8 @@ from federation.messages.contents import (
     When,
     read,
 )
-from federation.messages.unpacking import MAX_EVIDENCE
+from dyknow.federation.messages.unpacking import MAX_EVIDENCE
+from dyknow.model.errors import ContentError, Refused
 
 WAIT_US: Final = 500_000
 """How long those before a successor must be gone here: honest ones wait a second or more, and may have seen it earlier."""

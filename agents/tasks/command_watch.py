@@ -11,15 +11,15 @@ from collections.abc import Iterable
 from dataclasses import dataclass
 from typing import Final, Literal, NamedTuple
 
-from agents.part import Part, PeerChange
-from agents.ports import PartRegistry, Ports
-from agents.tasks.authority import Authority, TaskEvidence
+from dyknow.agents.part import Part, PeerChange
+from dyknow.agents.ports import PartRegistry, Ports
+from dyknow.agents.tasks.authority import Authority, TaskEvidence
+from dyknow.federation.members.liveness import PlatformAppeared
+from dyknow.federation.messages.acts import Act, Performative
+from dyknow.federation.messages.contents import Progress
+from dyknow.federation.messages.descriptions import ConditionEntry
 from dyknow.model.errors import Refused
-from federation.members.liveness import PlatformAppeared
-from federation.messages.acts import Act, Performative
-from federation.messages.contents import Progress
-from federation.messages.descriptions import ConditionEntry
-from reasoning import AlarmEvent
+from dyknow.reasoning import AlarmEvent
 
 COMMANDER: Final = "commander"
 REFUSED: Final = "refused-commander"

@@ -21,16 +21,15 @@ successors in the next generations. Which platform may be one, and when, follows
 
 from collections.abc import Callable, Iterable
 
-from agents.actions import COORDINATION, QUERIED, Action, Offer, Role
-from agents.part import Part, PeerChange
-from agents.ports import PartRegistry, Ports
-from agents.tasks.authority import Authority
-from agents.tasks.task import Claim, CoordinatedTask, EndedTask, Task, TaskPlan
-from dyknow.model.errors import ContentError, Refused
-from federation.members.deadlines import Deadlines
-from federation.members.liveness import PlatformAppeared
-from federation.messages.acts import Act, AgentName, Performative
-from federation.messages.contents import (
+from dyknow.agents.actions import COORDINATION, QUERIED, Action, Offer, Role
+from dyknow.agents.part import Part, PeerChange
+from dyknow.agents.ports import PartRegistry, Ports
+from dyknow.agents.tasks.authority import Authority
+from dyknow.agents.tasks.task import Claim, CoordinatedTask, EndedTask, Task, TaskPlan
+from dyknow.federation.members.deadlines import Deadlines
+from dyknow.federation.members.liveness import PlatformAppeared
+from dyknow.federation.messages.acts import Act, AgentName, Performative
+from dyknow.federation.messages.contents import (
     MAX_LIST,
     CreateMulticast,
     HandOver,
@@ -40,9 +39,10 @@ from federation.messages.contents import (
     TaskList,
     Tasks,
 )
-from federation.messages.contents.parts import next_generation
-from federation.messages.ends import is_given_up, is_lost
-from federation.sharing.exports import LINGER_US
+from dyknow.federation.messages.contents.parts import next_generation
+from dyknow.federation.messages.ends import is_given_up, is_lost
+from dyknow.federation.sharing.exports import LINGER_US
+from dyknow.model.errors import ContentError, Refused
 
 TOMBSTONES = 1000
 ABANDONED_US = 5_000_000

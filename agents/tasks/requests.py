@@ -2,9 +2,9 @@
 
 from typing import Final
 
-from agents.actions import CHECKED, Action, Role
-from federation.messages import contents
-from federation.messages.acts import Performative
+from dyknow.agents.actions import CHECKED, Action, Role
+from dyknow.federation.messages import contents
+from dyknow.federation.messages.acts import Performative
 
 MONITOR_PROXIMITY: Final = Action(contents.MonitorProximity, "on_monitor_proximity", typed=True)
 CREATE_MONITOR: Final = Action(

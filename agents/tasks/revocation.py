@@ -6,8 +6,8 @@ its own part of those tasks. A task that another has delegated to a revoked plat
 
 from collections.abc import Callable
 
-from agents.tasks.authority import Authority
-from agents.tasks.life import TaskLife
+from dyknow.agents.tasks.authority import Authority
+from dyknow.agents.tasks.life import TaskLife
 
 
 def end_revoked(

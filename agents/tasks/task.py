@@ -4,10 +4,10 @@ from collections.abc import Callable, Iterable
 from dataclasses import dataclass, field
 from typing import NamedTuple, Protocol
 
-from agents.tasks.authority import TaskEvidence
 from dyknow import earlier
-from federation.messages.acts import Act
-from federation.messages.contents import MonitorProximity
+from dyknow.agents.tasks.authority import TaskEvidence
+from dyknow.federation.messages.acts import Act
+from dyknow.federation.messages.contents import MonitorProximity
 
 
 class TaskPlan(Protocol):

@@ -14,12 +14,12 @@ from typing import Final, NamedTuple
 
 import numpy as np
 
-from anchoring.attention.ground import SearchedGround
-from anchoring.attention.view import TurnableCamera
-from anchoring.attention.watched import WatchedObject, WatchedPlace, spread_m
-from anchoring.roads.geometry import Point2
 from dyknow import US_PER_S
-from navigation.cameras.pinhole import FloatArray
+from dyknow.anchoring.attention.ground import SearchedGround
+from dyknow.anchoring.attention.view import TurnableCamera
+from dyknow.anchoring.attention.watched import WatchedObject, WatchedPlace, spread_m
+from dyknow.anchoring.roads.geometry import Point2
+from dyknow.navigation.cameras.pinhole import FloatArray
 
 MOST_OBJECTS: Final = 200
 MOST_VIEWS: Final = 64

@@ -6,12 +6,12 @@ from typing import Final
 
 import numpy as np
 
-from anchoring.roads.elements import RoadLink
-from anchoring.roads.geometry import Point2
-from anchoring.roads.network import RoadNetwork
 from dyknow import US_PER_S
-from navigation import LocalFrame
-from navigation.cameras.pinhole import FloatArray
+from dyknow.anchoring.roads.elements import RoadLink
+from dyknow.anchoring.roads.geometry import Point2
+from dyknow.anchoring.roads.network import RoadNetwork
+from dyknow.navigation import LocalFrame
+from dyknow.navigation.cameras.pinhole import FloatArray
 
 MOST_PLACES: Final = 2000
 OLD_US: Final = 30 * US_PER_S

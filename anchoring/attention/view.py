@@ -6,7 +6,7 @@ from typing import NamedTuple
 
 import numpy as np
 
-from navigation.cameras.pinhole import CameraPose, FloatArray, Intrinsics, PanTilt, aimed
+from dyknow.navigation.cameras.pinhole import CameraPose, FloatArray, Intrinsics, PanTilt, aimed
 
 
 class TurnLimits(NamedTuple):

@@ -4,11 +4,11 @@ from collections.abc import Collection, Iterable, Iterator, Sequence
 from math import sqrt
 from typing import Final, Literal, NamedTuple, TypeAlias
 
-from anchoring.links.objects import LinkObject
-from anchoring.links.specification import LinkSpecification
-from anchoring.links.states import ObjectState
-from anchoring.links.structures import ObjectLinkage
 from dyknow import US_PER_S
+from dyknow.anchoring.links.objects import LinkObject
+from dyknow.anchoring.links.specification import LinkSpecification
+from dyknow.anchoring.links.states import ObjectState
+from dyknow.anchoring.links.structures import ObjectLinkage
 
 LONGEST_US: Final = 2 * US_PER_S
 """How far beyond its last state an object is taken to move on."""

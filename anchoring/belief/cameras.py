@@ -6,13 +6,13 @@ from typing import Any, Final
 
 import numpy as np
 
-from anchoring.belief.arrays import Floats
-from anchoring.belief.description import POSITION, CategoricalAttribute, WorldModel
-from anchoring.belief.observations import TYPE, WorldObservation
-from anchoring.links.states import ObjectState
-from anchoring.links.structures import Percept
-from navigation.cameras.ground import GroundModel
-from navigation.cameras.pinhole import CameraPose, Intrinsics, Pixel
+from dyknow.anchoring.belief.arrays import Floats
+from dyknow.anchoring.belief.description import POSITION, CategoricalAttribute, WorldModel
+from dyknow.anchoring.belief.observations import TYPE, WorldObservation
+from dyknow.anchoring.links.states import ObjectState
+from dyknow.anchoring.links.structures import Percept
+from dyknow.navigation.cameras.ground import GroundModel
+from dyknow.navigation.cameras.pinhole import CameraPose, Intrinsics, Pixel
 
 FARTHEST: Final = 1e7
 """Numbers beyond it are not believed."""

@@ -9,8 +9,8 @@ from math import expm1
 
 import numpy as np
 
-from anchoring.belief.arrays import Flags, Floats, Indices
-from anchoring.belief.description import CategoricalAttribute
+from dyknow.anchoring.belief.arrays import Flags, Floats, Indices
+from dyknow.anchoring.belief.description import CategoricalAttribute
 
 
 class CategoricalBeliefs:

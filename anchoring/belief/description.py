@@ -9,8 +9,8 @@ from typing import Any, Final, NamedTuple
 
 import numpy as np
 
-from anchoring.belief.arrays import Floats
-from navigation import LocalFrame
+from dyknow.anchoring.belief.arrays import Floats
+from dyknow.navigation import LocalFrame
 
 EVENT, SHARE = "event", "share"
 READINGS: Final = (EVENT, SHARE)

@@ -11,20 +11,21 @@ from math import exp, inf, log, prod
 
 import numpy as np
 
-from anchoring.belief.arrays import Flags, Floats, Indices
-from anchoring.belief.association.pairs import FAINTEST, Pairs, all_pairs, gated_pairs
-from anchoring.belief.association.scans import EXACT_INSTANCES, NEGLIGIBLE, associate
-from anchoring.belief.association.single import (
+from dyknow import US_PER_S
+from dyknow.anchoring.belief.arrays import Flags, Floats, Indices
+from dyknow.anchoring.belief.association.pairs import FAINTEST, Pairs, all_pairs, gated_pairs
+from dyknow.anchoring.belief.association.scans import EXACT_INSTANCES, NEGLIGIBLE, associate
+from dyknow.anchoring.belief.association.single import (
     MOST_DETECTION,
     OtherSources,
     by_event,
     by_share,
 )
-from anchoring.belief.description import EVENT, POSITION, WorldModel, WorldSensor
-from anchoring.belief.instances import InstanceTable
-from anchoring.belief.observations import TYPE, EncodedLook, LookEncoder, WorldObservation
-from anchoring.belief.relations import RelationBeliefs
-from anchoring.belief.reports import (
+from dyknow.anchoring.belief.description import EVENT, POSITION, WorldModel, WorldSensor
+from dyknow.anchoring.belief.instances import InstanceTable
+from dyknow.anchoring.belief.observations import TYPE, EncodedLook, LookEncoder, WorldObservation
+from dyknow.anchoring.belief.relations import RelationBeliefs
+from dyknow.anchoring.belief.reports import (
     CREATED,
     DELETED,
     LATE,
@@ -36,8 +37,7 @@ from anchoring.belief.reports import (
     LifeEvent,
     UpdateReport,
 )
-from anchoring.belief.sensing import detection, trusted
-from dyknow import US_PER_S
+from dyknow.anchoring.belief.sensing import detection, trusted
 
 _ACTIVE = 1e-12
 """Less probable observations do not change beliefs about attributes."""

@@ -14,8 +14,8 @@ from typing import NamedTuple
 
 import numpy as np
 
-from anchoring.belief.arrays import Flags, Floats, Indices
-from anchoring.belief.description import GaussianAttribute
+from dyknow.anchoring.belief.arrays import Flags, Floats, Indices
+from dyknow.anchoring.belief.description import GaussianAttribute
 
 _SHARP = 1e-6
 """An observation that leaves less of the volume of a belief is taken in with care for its digits."""

@@ -6,12 +6,13 @@ from typing import Any
 
 import numpy as np
 
-from anchoring.belief.arrays import Flags, Floats, Indices
-from anchoring.belief.categories import CategoricalBeliefs
-from anchoring.belief.description import InitialInstance, WorldModel
-from anchoring.belief.gaussians import GaussianBeliefs
-from anchoring.belief.observations import TYPE, EncodedLook
-from anchoring.belief.reports import (
+from dyknow import US_PER_S
+from dyknow.anchoring.belief.arrays import Flags, Floats, Indices
+from dyknow.anchoring.belief.categories import CategoricalBeliefs
+from dyknow.anchoring.belief.description import InitialInstance, WorldModel
+from dyknow.anchoring.belief.gaussians import GaussianBeliefs
+from dyknow.anchoring.belief.observations import TYPE, EncodedLook
+from dyknow.anchoring.belief.reports import (
     ATTRIBUTE_CREATED,
     ATTRIBUTE_DROPPED,
     CONFIRMED,
@@ -20,7 +21,6 @@ from anchoring.belief.reports import (
     GaussianBelief,
     LifeEvent,
 )
-from dyknow import US_PER_S
 
 
 class InstanceTable:

@@ -6,10 +6,10 @@ from typing import Any, NamedTuple
 
 import numpy as np
 
-from anchoring.belief.arrays import Flags, Floats
-from anchoring.belief.categories import CategoricalBeliefs
-from anchoring.belief.description import POSITION, ObjectTypes, WorldSensor
-from anchoring.belief.gaussians import GaussianBeliefs
+from dyknow.anchoring.belief.arrays import Flags, Floats
+from dyknow.anchoring.belief.categories import CategoricalBeliefs
+from dyknow.anchoring.belief.description import POSITION, ObjectTypes, WorldSensor
+from dyknow.anchoring.belief.gaussians import GaussianBeliefs
 
 TYPE = "type"
 

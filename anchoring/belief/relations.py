@@ -11,11 +11,11 @@ from math import ceil, exp, inf, log
 
 import numpy as np
 
-from anchoring.belief.arrays import Floats
-from anchoring.belief.description import RelationKind
-from anchoring.belief.observations import ReportedRelation
-from anchoring.belief.reports import RELATION_CREATED, RELATION_DROPPED, LifeEvent
 from dyknow import US_PER_S
+from dyknow.anchoring.belief.arrays import Floats
+from dyknow.anchoring.belief.description import RelationKind
+from dyknow.anchoring.belief.observations import ReportedRelation
+from dyknow.anchoring.belief.reports import RELATION_CREATED, RELATION_DROPPED, LifeEvent
 
 _LEAST, _ACTIVE, _FEW = 1e-12, 1e-3, 1_000
 """An observation that is less probably of an instance is irrelevant to its relations; where there are many, sooner."""

@@ -3,7 +3,7 @@
 from collections.abc import Mapping, Sequence
 from typing import NamedTuple
 
-from anchoring.belief.arrays import Floats, Indices
+from dyknow.anchoring.belief.arrays import Floats, Indices
 
 CREATED, CONFIRMED, DELETED = "created", "confirmed", "deleted"
 ATTRIBUTE_CREATED, ATTRIBUTE_DROPPED = "attribute-created", "attribute-dropped"

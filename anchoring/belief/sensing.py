@@ -11,8 +11,8 @@ from typing import Final
 
 import numpy as np
 
-from anchoring.belief.arrays import Flags, Floats
-from anchoring.belief.description import WorldSensor
+from dyknow.anchoring.belief.arrays import Flags, Floats
+from dyknow.anchoring.belief.description import WorldSensor
 
 _OUTSIDE: Final = 1e-9
 """Least probability of detection, also out of view: no certainty follows from one estimate."""

@@ -11,11 +11,11 @@ from typing import Any, Final
 
 import numpy as np
 
-from anchoring.belief.arrays import Floats
-from anchoring.belief.description import CategoricalAttribute, WorldModel
-from anchoring.belief.gaussians import log_normal
-from anchoring.links.prediction import ObjectPrediction
-from anchoring.links.states import ObjectState
+from dyknow.anchoring.belief.arrays import Floats
+from dyknow.anchoring.belief.description import CategoricalAttribute, WorldModel
+from dyknow.anchoring.belief.gaussians import log_normal
+from dyknow.anchoring.links.prediction import ObjectPrediction
+from dyknow.anchoring.links.states import ObjectState
 
 EXISTENCE: Final = "existence"
 _LEAST: Final = 1e-300

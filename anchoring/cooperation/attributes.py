@@ -9,9 +9,9 @@ are none in time.
 from collections.abc import Iterable, Mapping
 from typing import Final, NamedTuple
 
-from anchoring.cooperation.rows import PictureRow
 from dyknow import US_PER_S, Label, Value
-from reasoning.chronicles import symbol
+from dyknow.anchoring.cooperation.rows import PictureRow
+from dyknow.reasoning.chronicles import symbol
 
 NAMED_US: Final = 1_500_000
 """So long a change waits for the names of its objects."""

@@ -19,12 +19,12 @@ from typing import Final, TypeAlias
 
 import numpy as np
 
-from anchoring.cooperation.reports import TrackKey
-from anchoring.cooperation.tracks import Track, Tracks
-from anchoring.links.assignment import assigned
-from anchoring.links.states import ObjectState
-from compunits.covariances import Matrix
 from dyknow import US_PER_S
+from dyknow.anchoring.cooperation.reports import TrackKey
+from dyknow.anchoring.cooperation.tracks import Track, Tracks
+from dyknow.anchoring.links.assignment import assigned
+from dyknow.anchoring.links.states import ObjectState
+from dyknow.compunits.covariances import Matrix
 
 JOIN: Final = 9.49
 """95 % of chi-squared with four degrees of freedom."""

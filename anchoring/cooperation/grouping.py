@@ -2,8 +2,8 @@
 
 from collections.abc import Iterable
 
-from anchoring.cooperation.evidence import TrackEvidence
-from anchoring.cooperation.reports import TrackKey
+from dyknow.anchoring.cooperation.evidence import TrackEvidence
+from dyknow.anchoring.cooperation.reports import TrackKey
 
 
 def groups(keys: Iterable[TrackKey], evidence: TrackEvidence) -> list[frozenset[TrackKey]]:

@@ -13,8 +13,8 @@ from dataclasses import dataclass
 from math import fsum
 from typing import Final, NamedTuple
 
-from anchoring.cooperation.reports import LONGEST_NAME, IdentityClaim, TrackKey
 from dyknow import US_PER_S
+from dyknow.anchoring.cooperation.reports import LONGEST_NAME, IdentityClaim, TrackKey
 
 TOLD_US: Final = 5 * US_PER_S
 """A claim takes so long to be heard at most."""

@@ -11,12 +11,12 @@ from itertools import permutations
 from math import atan2, cos, hypot, sin
 from typing import Any, Final, Literal, NamedTuple, TypeAlias
 
-from anchoring.cooperation.attributes import ObjectAttribute, Sights
-from anchoring.cooperation.rows import PictureRow
-from anchoring.links.states import ObjectState
-from compunits import ROAD_RELATIONS, RoadRelations, SmoothOffset, StableFields
 from dyknow import US_PER_MS, US_PER_S, ComputationalUnit, Label, Sample, UnitPrototype, Value, prototypes_in
-from reasoning.chronicles import ChangeEvents, ChronicleFile, ChronicleInstance, Recogniser, compile_chronicle
+from dyknow.anchoring.cooperation.attributes import ObjectAttribute, Sights
+from dyknow.anchoring.cooperation.rows import PictureRow
+from dyknow.anchoring.links.states import ObjectState
+from dyknow.compunits import ROAD_RELATIONS, RoadRelations, SmoothOffset, StableFields
+from dyknow.reasoning.chronicles import ChangeEvents, ChronicleFile, ChronicleInstance, Recogniser, compile_chronicle
 
 NEAR_M: Final = 80.0
 MOVES_M_S: Final = 2.0

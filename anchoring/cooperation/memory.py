@@ -7,12 +7,12 @@ from typing import Final, NamedTuple
 
 import numpy as np
 
-from anchoring.cooperation.evidence import SHARED_SD_M, SHARED_SD_M_S
-from anchoring.cooperation.reports import TrackKey
-from anchoring.cooperation.tracks import FRESH_US, NOISE
-from anchoring.links.states import ObjectState, moved
-from compunits.covariances import Matrix
 from dyknow import US_PER_S
+from dyknow.anchoring.cooperation.evidence import SHARED_SD_M, SHARED_SD_M_S
+from dyknow.anchoring.cooperation.reports import TrackKey
+from dyknow.anchoring.cooperation.tracks import FRESH_US, NOISE
+from dyknow.anchoring.links.states import ObjectState, moved
+from dyknow.compunits.covariances import Matrix
 
 KEPT_US: Final = 60 * US_PER_S
 ABSENT_KEPT_US: Final = 600 * US_PER_S

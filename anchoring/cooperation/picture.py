@@ -20,15 +20,15 @@ from typing import Final
 
 import numpy as np
 
-from anchoring.cooperation.evidence import Pair, TrackEvidence, ordered
-from anchoring.cooperation.grouping import groups
-from anchoring.cooperation.identities import Claims, Held, Named, named
-from anchoring.cooperation.memory import ABSENT_KEPT_US, KEPT_US, Remembered, has_room, matches
-from anchoring.cooperation.reports import IdentityClaim, ReportGate, TrackKey, TrackReport
-from anchoring.cooperation.rows import PictureEvent, PictureEventKind, PictureRow
-from anchoring.cooperation.tracks import NOISE, Tracks
-from anchoring.links.states import ObjectState, intersected, moved
 from dyknow import US_PER_S
+from dyknow.anchoring.cooperation.evidence import Pair, TrackEvidence, ordered
+from dyknow.anchoring.cooperation.grouping import groups
+from dyknow.anchoring.cooperation.identities import Claims, Held, Named, named
+from dyknow.anchoring.cooperation.memory import ABSENT_KEPT_US, KEPT_US, Remembered, has_room, matches
+from dyknow.anchoring.cooperation.reports import IdentityClaim, ReportGate, TrackKey, TrackReport
+from dyknow.anchoring.cooperation.rows import PictureEvent, PictureEventKind, PictureRow
+from dyknow.anchoring.cooperation.tracks import NOISE, Tracks
+from dyknow.anchoring.links.states import ObjectState, intersected, moved
 
 PERIOD_US: Final = 200_000
 HOLD_US: Final = 600_000

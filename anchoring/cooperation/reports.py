@@ -11,8 +11,8 @@ from typing import Final, NamedTuple
 
 import numpy as np
 
-from anchoring.links.states import ObjectState
 from dyknow import US_PER_S
+from dyknow.anchoring.links.states import ObjectState
 
 FARTHEST_M: Final = 1e6
 FASTEST_M_S: Final = 100.0

@@ -2,8 +2,8 @@
 
 from typing import Literal, NamedTuple, TypeAlias
 
-from anchoring.cooperation.reports import TrackKey
-from anchoring.links.states import ObjectState
+from dyknow.anchoring.cooperation.reports import TrackKey
+from dyknow.anchoring.links.states import ObjectState
 
 PictureEventKind: TypeAlias = Literal[
     "appeared",

@@ -15,8 +15,8 @@ from collections.abc import Collection, Iterable, Mapping
 from math import hypot
 from typing import Final, Literal, NamedTuple, TypeAlias, get_args
 
-from anchoring.links.states import ObjectState, moved
 from dyknow import US_PER_S
+from dyknow.anchoring.links.states import ObjectState, moved
 
 SharingLevel: TypeAlias = Literal["none", "events", "relations", "states", "percepts"]
 LEVELS: Final[tuple[SharingLevel, ...]] = get_args(SharingLevel)

@@ -7,9 +7,9 @@ from typing import Final
 
 import numpy as np
 
-from anchoring.cooperation.reports import FASTEST_M_S, MOST_TRACKS, ReportGate, TrackKey, TrackReport, sound
-from anchoring.links.states import ObjectState, moved
 from dyknow import US_PER_S
+from dyknow.anchoring.cooperation.reports import FASTEST_M_S, MOST_TRACKS, ReportGate, TrackKey, TrackReport, sound
+from dyknow.anchoring.links.states import ObjectState, moved
 
 KEPT: Final = 48
 """Reports of a track that are kept."""

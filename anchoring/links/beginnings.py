@@ -10,12 +10,12 @@ from itertools import islice
 from math import inf
 from typing import Final
 
-from anchoring.links.deciding.trials import LASTS_US
-from anchoring.links.objects import LinkEvent
-from anchoring.links.specification import LinkSpecification
-from anchoring.links.states import ObjectState
-from anchoring.links.structures import AnySpecification, LinkOutcome, ObjectLinkage, Percept, StateRecord
 from dyknow import US_PER_S
+from dyknow.anchoring.links.deciding.trials import LASTS_US
+from dyknow.anchoring.links.objects import LinkEvent
+from dyknow.anchoring.links.specification import LinkSpecification
+from dyknow.anchoring.links.states import ObjectState
+from dyknow.anchoring.links.structures import AnySpecification, LinkOutcome, ObjectLinkage, Percept, StateRecord
 
 MOST_STATES: Final = 1024
 """Most that are kept of one percept, or object, that is not linked."""

@@ -14,16 +14,16 @@ from typing import Final, Protocol
 
 import numpy as np
 
-from anchoring.links.assignment import assigned, natural
-from anchoring.links.deciding.conditions import Ends, PairCondition
-from anchoring.links.deciding.context import ConditionContext
-from anchoring.links.deciding.nearness import NearObjects
-from anchoring.links.objects import EventKind, LinkObject, LinkReason, ObjectLink
-from anchoring.links.prediction import certain
-from anchoring.links.specification import ALWAYS_TRUE, LinkSpecification
-from anchoring.links.states import ObjectState
-from reasoning import Explanation, Progressing
-from reasoning.formulas.tree import Formula
+from dyknow.anchoring.links.assignment import assigned, natural
+from dyknow.anchoring.links.deciding.conditions import Ends, PairCondition
+from dyknow.anchoring.links.deciding.context import ConditionContext
+from dyknow.anchoring.links.deciding.nearness import NearObjects
+from dyknow.anchoring.links.objects import EventKind, LinkObject, LinkReason, ObjectLink
+from dyknow.anchoring.links.prediction import certain
+from dyknow.anchoring.links.specification import ALWAYS_TRUE, LinkSpecification
+from dyknow.anchoring.links.states import ObjectState
+from dyknow.reasoning import Explanation, Progressing
+from dyknow.reasoning.formulas.tree import Formula
 
 PARTS: Final = "parts"
 COUNT: Final = "count"

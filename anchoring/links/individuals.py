@@ -9,8 +9,8 @@ from collections import Counter
 from math import atan2, exp, pi
 from typing import Final
 
-from anchoring.links.states import ObjectState
 from dyknow import US_PER_S
+from dyknow.anchoring.links.states import ObjectState
 
 MEMORY_S: Final = 60.0
 STRIDE_US: Final = US_PER_S

@@ -16,10 +16,10 @@ from typing import Final, NamedTuple
 
 import numpy as np
 
-from anchoring.links.individuals import Individual
-from anchoring.links.prediction import ObjectPrediction, certain
-from anchoring.links.states import ObjectState, moved
 from dyknow import US_PER_S
+from dyknow.anchoring.links.individuals import Individual
+from dyknow.anchoring.links.prediction import ObjectPrediction, certain
+from dyknow.anchoring.links.states import ObjectState, moved
 
 
 class MotionKind(NamedTuple):

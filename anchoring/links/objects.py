@@ -5,12 +5,12 @@ from collections.abc import Container
 from dataclasses import dataclass, field
 from typing import Final, Literal, NamedTuple, Protocol, TypeAlias
 
-from anchoring.links.individuals import Individual
-from anchoring.links.prediction import ObjectPrediction, certain
-from anchoring.links.specification import LinkSpecification
-from anchoring.links.states import ObjectState
-from reasoning import Explanation, Progressing
-from reasoning.formulas.tree import Formula
+from dyknow.anchoring.links.individuals import Individual
+from dyknow.anchoring.links.prediction import ObjectPrediction, certain
+from dyknow.anchoring.links.specification import LinkSpecification
+from dyknow.anchoring.links.states import ObjectState
+from dyknow.reasoning import Explanation, Progressing
+from dyknow.reasoning.formulas.tree import Formula
 
 HISTORY: Final = 16
 """How many of its latest observed states an object keeps."""

@@ -17,9 +17,9 @@ from typing import NamedTuple, Protocol
 
 import numpy as np
 
-from anchoring.links.individuals import Individual
-from anchoring.links.states import Attributes, ObjectState, moved
 from dyknow import US_PER_S
+from dyknow.anchoring.links.individuals import Individual
+from dyknow.anchoring.links.states import Attributes, ObjectState, moved
 
 
 class Hypothesis(NamedTuple):

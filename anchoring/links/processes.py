@@ -8,8 +8,8 @@ maintain condition failed, at the next one. Pairs that a gate keeps apart cost n
 
 from collections.abc import Collection, Iterable, Iterator, Mapping
 
-from anchoring.links.assignment import natural
-from anchoring.links.deciding.candidates import (
+from dyknow.anchoring.links.assignment import natural
+from dyknow.anchoring.links.deciding.candidates import (
     LinkCandidate,
     LinkCandidates,
     OpenLink,
@@ -18,17 +18,17 @@ from anchoring.links.deciding.candidates import (
     open_links,
     reassigned,
 )
-from anchoring.links.deciding.conditions import Ends, PairCondition
-from anchoring.links.deciding.nearness import NearObjects
-from anchoring.links.deciding.ports import LinkPorts
-from anchoring.links.deciding.reach import Reach
-from anchoring.links.deciding.trials import LinkTrials
-from anchoring.links.deciding.waiting import ReestablishPair, Unlinked
-from anchoring.links.objects import EventKind, LastSeen, LinkObject, LinkReason, ObjectLink
-from anchoring.links.prediction import ObjectPrediction, certain
-from anchoring.links.specification import LinkSpecification, filtered
-from anchoring.links.states import ObjectState, intersected, weighed
-from reasoning import Progressing
+from dyknow.anchoring.links.deciding.conditions import Ends, PairCondition
+from dyknow.anchoring.links.deciding.nearness import NearObjects
+from dyknow.anchoring.links.deciding.ports import LinkPorts
+from dyknow.anchoring.links.deciding.reach import Reach
+from dyknow.anchoring.links.deciding.trials import LinkTrials
+from dyknow.anchoring.links.deciding.waiting import ReestablishPair, Unlinked
+from dyknow.anchoring.links.objects import EventKind, LastSeen, LinkObject, LinkReason, ObjectLink
+from dyknow.anchoring.links.prediction import ObjectPrediction, certain
+from dyknow.anchoring.links.specification import LinkSpecification, filtered
+from dyknow.anchoring.links.states import ObjectState, intersected, weighed
+from dyknow.reasoning import Progressing
 
 
 class LinkProcess:

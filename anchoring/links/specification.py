@@ -14,11 +14,11 @@ from math import exp, log
 from types import MappingProxyType
 from typing import Final, NamedTuple, Protocol, TypeAlias, TypeVar
 
-from anchoring.links.motion import noise_of
-from anchoring.links.prediction import ObjectPrediction, Predictor
-from anchoring.links.states import ObjectState, diagonal, moved, weighed
 from dyknow import US_PER_S, Value
-from reasoning.formulas.tree import Const, Formula
+from dyknow.anchoring.links.motion import noise_of
+from dyknow.anchoring.links.prediction import ObjectPrediction, Predictor
+from dyknow.anchoring.links.states import ObjectState, diagonal, moved, weighed
+from dyknow.reasoning.formulas.tree import Const, Formula
 
 StateUnit: TypeAlias = Callable[[ObjectState, ObjectState | None], ObjectState]
 """The computational unit of a link: (state of A, state of B predicted to its time or None if B is new) -> state of B."""

@@ -17,9 +17,9 @@ from typing import Final, NamedTuple, TypeAlias
 
 import numpy as np
 
-from compunits.covariances import Matrix
-from compunits.intersection import intersect
 from dyknow import US_PER_S, Value
+from dyknow.compunits.covariances import Matrix
+from dyknow.compunits.intersection import intersect
 
 Attributes: TypeAlias = Mapping[str, Value]
 NO_ATTRIBUTES: Final[Attributes] = MappingProxyType({})

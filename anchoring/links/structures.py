@@ -14,19 +14,19 @@ from collections.abc import Iterable, Mapping, Sequence
 from itertools import count
 from typing import Final, NamedTuple, TypeAlias
 
-from anchoring.links.assignment import natural
-from anchoring.links.composites import CompositeObjects, CompositeSpecification, check_ends
-from anchoring.links.deciding.context import ConditionContext, ConditionStreams
-from anchoring.links.individuals import Habit, Individual
-from anchoring.links.objects import EventKind, LinkEvent, LinkObject, LinkReason, ObjectLink
-from anchoring.links.prediction import ConstantVelocity, ObjectPrediction, Predictor, certain
-from anchoring.links.processes import LinkProcess, updated
-from anchoring.links.rhythm import Rhythm
-from anchoring.links.specification import LinkSpecification, in_order, prefix_of
-from anchoring.links.states import ObjectState
-from anchoring.links.top_down import TopDown
 from dyknow import Value
-from reasoning.formulas.tree import Formula
+from dyknow.anchoring.links.assignment import natural
+from dyknow.anchoring.links.composites import CompositeObjects, CompositeSpecification, check_ends
+from dyknow.anchoring.links.deciding.context import ConditionContext, ConditionStreams
+from dyknow.anchoring.links.individuals import Habit, Individual
+from dyknow.anchoring.links.objects import EventKind, LinkEvent, LinkObject, LinkReason, ObjectLink
+from dyknow.anchoring.links.prediction import ConstantVelocity, ObjectPrediction, Predictor, certain
+from dyknow.anchoring.links.processes import LinkProcess, updated
+from dyknow.anchoring.links.rhythm import Rhythm
+from dyknow.anchoring.links.specification import LinkSpecification, in_order, prefix_of
+from dyknow.anchoring.links.states import ObjectState
+from dyknow.anchoring.links.top_down import TopDown
+from dyknow.reasoning.formulas.tree import Formula
 
 MOST_TICKS: Final = 10_000
 """Most predictions at the sample period between two ticks."""

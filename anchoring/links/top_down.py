@@ -4,13 +4,13 @@ from collections.abc import Collection, Iterable, Iterator, Mapping, Sequence
 from dataclasses import dataclass
 from typing import Any, Final, NamedTuple, Protocol
 
-from anchoring.links.composites import CompositeObjects
-from anchoring.links.deciding.wanted import WantedObject, described
-from anchoring.links.objects import EventKind, LinkEvent, LinkObject, LinkReason
-from anchoring.links.processes import LinkProcess
-from anchoring.links.states import ObjectState
 from dyknow import US_PER_S, Value
-from reasoning.formulas.tree import Eventually, Formula
+from dyknow.anchoring.links.composites import CompositeObjects
+from dyknow.anchoring.links.deciding.wanted import WantedObject, described
+from dyknow.anchoring.links.objects import EventKind, LinkEvent, LinkObject, LinkReason
+from dyknow.anchoring.links.processes import LinkProcess
+from dyknow.anchoring.links.states import ObjectState
+from dyknow.reasoning.formulas.tree import Eventually, Formula
 
 TRACKED_US: Final = US_PER_S
 """A wanted object that is in view for so long is tracked."""

@@ -5,7 +5,14 @@ from dataclasses import dataclass
 from math import inf
 from typing import Literal, NamedTuple, TypeAlias
 
-from anchoring.matching.descriptions import LEAST, Allowed, AllowedPlace, ObjectDescription, PropertyValue, shown_value
+from dyknow.anchoring.matching.descriptions import (
+    LEAST,
+    Allowed,
+    AllowedPlace,
+    ObjectDescription,
+    PropertyValue,
+    shown_value,
+)
 
 MatchStatus: TypeAlias = Literal["complete", "partial", "none"]
 

@@ -4,8 +4,8 @@ from collections import defaultdict
 from collections.abc import Mapping
 from dataclasses import dataclass
 
-from anchoring.matching.candidates import ObservationGates, PerceptProperties
-from anchoring.matching.descriptions import shown_value
+from dyknow.anchoring.matching.candidates import ObservationGates, PerceptProperties
+from dyknow.anchoring.matching.descriptions import shown_value
 
 _MOST_SHOWN = 8
 

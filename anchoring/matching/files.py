@@ -13,8 +13,8 @@
 from collections.abc import Mapping
 from typing import Any, Final, NamedTuple
 
-from anchoring.matching.candidates import ObservationGates, ObservedProperty
-from anchoring.matching.descriptions import (
+from dyknow.anchoring.matching.candidates import ObservationGates, ObservedProperty
+from dyknow.anchoring.matching.descriptions import (
     Allowed,
     AllowedInterval,
     AllowedPlace,
@@ -22,7 +22,7 @@ from anchoring.matching.descriptions import (
     ObjectDescription,
     PropertyValue,
 )
-from anchoring.matching.situations import AnchoringSituation, MatchingOptions
+from dyknow.anchoring.matching.situations import AnchoringSituation, MatchingOptions
 from dyknow.documents.documents import json_document
 from dyknow.documents.tables import DocumentTable, is_number, shown
 

@@ -8,7 +8,7 @@ from collections.abc import Mapping, Sequence
 from dataclasses import dataclass, field
 from typing import Literal, NamedTuple, TypeAlias
 
-from anchoring.matching.candidates import (
+from dyknow.anchoring.matching.candidates import (
     CandidateMatch,
     ObservationGates,
     ObservedProperty,
@@ -16,8 +16,8 @@ from anchoring.matching.candidates import (
     match_percepts,
     with_threshold,
 )
-from anchoring.matching.descriptions import ObjectDescription
-from anchoring.matching.discrimination import Discriminating, discriminating_property
+from dyknow.anchoring.matching.descriptions import ObjectDescription
+from dyknow.anchoring.matching.discrimination import Discriminating, discriminating_property
 
 AnchoringCase: TypeAlias = Literal[1, 2, 3, 4, 5]
 AnchoringResult: TypeAlias = Literal["fail", "temporary", "anchor"]

@@ -3,9 +3,9 @@
 from itertools import islice
 from typing import Final
 
-from anchoring.links.states import ObjectState
-from anchoring.links.structures import Percept
 from dyknow import US_PER_S
+from dyknow.anchoring.links.states import ObjectState
+from dyknow.anchoring.links.structures import Percept
 
 REACH_M_S: Final = 1000.0
 REACH_M: Final = 100.0

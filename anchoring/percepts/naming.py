@@ -12,11 +12,11 @@ from typing import Final, NamedTuple
 
 import numpy as np
 
-from anchoring.links.assignment import assigned
-from anchoring.links.motion import BIKE, CAR, WALKER, Spacing, kind_of
-from anchoring.links.rhythm import Rhythm
-from anchoring.links.states import ObjectState
 from dyknow import US_PER_S
+from dyknow.anchoring.links.assignment import assigned
+from dyknow.anchoring.links.motion import BIKE, CAR, WALKER, Spacing, kind_of
+from dyknow.anchoring.links.rhythm import Rhythm
+from dyknow.anchoring.links.states import ObjectState
 
 _GATE: Final = 20.0
 """The square of the distance, in standard deviations, that one detection in 20 000 of the thing exceeds: it would have two names."""

@@ -19,14 +19,14 @@ from collections.abc import Callable, Collection, Iterable, Iterator, Mapping
 from math import isfinite
 from typing import Any, Final, NamedTuple, TypeAlias
 
-from anchoring.links.states import ObjectState, diagonal
-from anchoring.links.structures import Percept
-from anchoring.percepts.leaps import PerceptLeaps
-from anchoring.percepts.naming import DetectionNames
 from dyknow import US_PER_MS, US_PER_S, Value
+from dyknow.anchoring.links.states import ObjectState, diagonal
+from dyknow.anchoring.links.structures import Percept
+from dyknow.anchoring.percepts.leaps import PerceptLeaps
+from dyknow.anchoring.percepts.naming import DetectionNames
 from dyknow.documents.json_lines import JsonLine
 from dyknow.model.errors import TextError, did_you_mean
-from navigation import LocalFrame
+from dyknow.navigation import LocalFrame
 
 FARTHEST_M: Final = 2e7
 """No position is farther from the origin: UTM coordinates are within."""

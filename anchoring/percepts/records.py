@@ -8,14 +8,14 @@ import math
 from collections.abc import Iterable
 from typing import Final
 
-from anchoring.links.composites import COUNT, PARTS
-from anchoring.links.states import ObjectState, diagonal
-from anchoring.links.structures import Percept, StateRecord
-from anchoring.percepts.reading import FARTHEST_GEOGRAPHIC_M, FARTHEST_M, LEAST_SD_M, USUAL_SD_M, VELOCITY_SD_M_S
 from dyknow import NO_VALUE, Sample, Sort, Value
+from dyknow.anchoring.links.composites import COUNT, PARTS
+from dyknow.anchoring.links.states import ObjectState, diagonal
+from dyknow.anchoring.links.structures import Percept, StateRecord
+from dyknow.anchoring.percepts.reading import FARTHEST_GEOGRAPHIC_M, FARTHEST_M, LEAST_SD_M, USUAL_SD_M, VELOCITY_SD_M_S
 from dyknow.model.values import END, SYMBOL, Field
-from navigation import LocalFrame
-from reasoning.formulas.evaluation import is_missing
+from dyknow.navigation import LocalFrame
+from dyknow.reasoning.formulas.evaluation import is_missing
 
 ANCHORED: Final = "anchored"
 LOCAL: Final = ("x_m", "y_m")

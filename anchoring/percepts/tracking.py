@@ -7,11 +7,11 @@ new percept, and links decide which object that is.
 from collections.abc import Sequence
 from typing import Final
 
-from anchoring.links.assignment import assigned
-from anchoring.links.states import ObjectState, diagonal
-from anchoring.links.structures import Percept
 from dyknow import US_PER_S
-from navigation.cameras.channels import GroundDetection
+from dyknow.anchoring.links.assignment import assigned
+from dyknow.anchoring.links.states import ObjectState, diagonal
+from dyknow.anchoring.links.structures import Percept
+from dyknow.navigation.cameras.channels import GroundDetection
 
 CONFIRMED: Final = 4
 """Detections that make a percept."""

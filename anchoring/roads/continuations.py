@@ -10,8 +10,8 @@ from functools import cached_property
 from math import radians
 from typing import Final
 
-from anchoring.roads.elements import DirectedLink, RoadLink
-from anchoring.roads.turns import UTURN, RoadTurns
+from dyknow.anchoring.roads.elements import DirectedLink, RoadLink
+from dyknow.anchoring.roads.turns import UTURN, RoadTurns
 
 _ALONG_RAD: Final = radians(45.0)
 _ACROSS_RAD: Final = radians(135.0)

@@ -7,7 +7,7 @@ direction from `start` to `end`. A link can be travelled in the directions of it
 from functools import lru_cache
 from typing import Final, NamedTuple
 
-from anchoring.roads.geometry import Point2, Polyline
+from dyknow.anchoring.roads.geometry import Point2, Polyline
 
 CROSSING, ROAD = "crossing", "road"
 """Kinds of areas that are part of the road system."""

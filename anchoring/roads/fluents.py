@@ -6,11 +6,11 @@ They are attributes of states, so that chronicles and formulas range over them (
 
 from typing import Final
 
-from anchoring.links.states import ObjectState
-from anchoring.roads.elements import DirectedLink
-from anchoring.roads.network import RoadNetwork
-from anchoring.roads.snapping import RoadPlace
 from dyknow import Value
+from dyknow.anchoring.links.states import ObjectState
+from dyknow.anchoring.roads.elements import DirectedLink
+from dyknow.anchoring.roads.network import RoadNetwork
+from dyknow.anchoring.roads.snapping import RoadPlace
 
 NO_LINK: Final = "no_link"
 NO_CROSSING: Final = "no_crossing"

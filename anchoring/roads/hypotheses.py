@@ -11,10 +11,10 @@ from dataclasses import dataclass, field
 from types import MappingProxyType
 from typing import Final, NamedTuple, Protocol
 
-from anchoring.roads.elements import DirectedLink
-from anchoring.roads.geometry import wrapped
-from anchoring.roads.network import RoadNetwork
-from anchoring.roads.turns import CrossingPath
+from dyknow.anchoring.roads.elements import DirectedLink
+from dyknow.anchoring.roads.geometry import wrapped
+from dyknow.anchoring.roads.network import RoadNetwork
+from dyknow.anchoring.roads.turns import CrossingPath
 
 MOST_STEPS: Final = 2000
 """Most ends of links that one call passes: a hypothesis that would go farther stops there."""

@@ -5,8 +5,8 @@ from collections.abc import Iterable, Iterator
 from itertools import pairwise
 from typing import Any, Final, TypeAlias
 
-from anchoring.roads.elements import LEAVE, Crossing, RoadArea, RoadLink
-from anchoring.roads.geometry import Projection, projected
+from dyknow.anchoring.roads.elements import LEAVE, Crossing, RoadArea, RoadLink
+from dyknow.anchoring.roads.geometry import Projection, projected
 
 _Box: TypeAlias = tuple[float, float, float, float]
 """Left, low, right, high."""

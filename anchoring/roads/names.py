@@ -7,7 +7,7 @@ stands for each other character, and a number keeps equal ones apart.
 
 from collections.abc import Iterable, Mapping
 
-from anchoring.roads.elements import DirectedLink
+from dyknow.anchoring.roads.elements import DirectedLink
 from dyknow.model.members import MAX_NAME, is_object_name, object_name
 
 

@@ -4,13 +4,13 @@ import math
 from collections.abc import Iterable, Mapping
 from functools import cached_property
 
-from anchoring.roads.continuations import RoadContinuations
-from anchoring.roads.elements import CROSSING, ROAD, Crossing, DirectedLink, RoadArea, RoadLink
-from anchoring.roads.geometry import Point2
-from anchoring.roads.index import RoadIndex
-from anchoring.roads.names import object_names, way_name
-from anchoring.roads.turns import CrossingPaths, RoadTurns
-from navigation.geodesy import LocalFrame
+from dyknow.anchoring.roads.continuations import RoadContinuations
+from dyknow.anchoring.roads.elements import CROSSING, ROAD, Crossing, DirectedLink, RoadArea, RoadLink
+from dyknow.anchoring.roads.geometry import Point2
+from dyknow.anchoring.roads.index import RoadIndex
+from dyknow.anchoring.roads.names import object_names, way_name
+from dyknow.anchoring.roads.turns import CrossingPaths, RoadTurns
+from dyknow.navigation.geodesy import LocalFrame
 
 
 class RoadNetwork:

@@ -2,10 +2,10 @@
 
 from typing import Final
 
-from anchoring.links.states import ObjectState
-from anchoring.roads.fluents import ROAD_ATTRIBUTES, attributes_of, place_of, turn_attributes
-from anchoring.roads.network import RoadNetwork
-from anchoring.roads.snapping import DEFAULTS, SnapSettings, snap
+from dyknow.anchoring.links.states import ObjectState
+from dyknow.anchoring.roads.fluents import ROAD_ATTRIBUTES, attributes_of, place_of, turn_attributes
+from dyknow.anchoring.roads.network import RoadNetwork
+from dyknow.anchoring.roads.snapping import DEFAULTS, SnapSettings, snap
 
 MEASURED: Final = 100.0
 """A velocity whose variances sum to more than this, m^2/s^2, tells nothing."""

@@ -10,17 +10,33 @@ from typing import Final
 
 import numpy as np
 
-from anchoring.links.individuals import Individual
-from anchoring.links.prediction import ConstantVelocity, Hypothesis, ObjectPrediction
-from anchoring.links.states import ObjectState
-from anchoring.roads.elements import DirectedLink
-from anchoring.roads.fluents import ROAD_ATTRIBUTES, ROUTE, TRAVELLED, TURN_MADE, attributes_of, number_of, place_of
-from anchoring.roads.hypotheses import USUAL_PRUNING, Pruning, RouteHypothesis, TurnPrior, advance, pruned, uniform
-from anchoring.roads.network import RoadNetwork
-from anchoring.roads.objects import MEASURED, velocity_of
-from anchoring.roads.snapping import DEFAULTS, RoadPlace, SnapSettings, snap
-from compunits.covariances import Matrix
 from dyknow import US_PER_S, Value
+from dyknow.anchoring.links.individuals import Individual
+from dyknow.anchoring.links.prediction import ConstantVelocity, Hypothesis, ObjectPrediction
+from dyknow.anchoring.links.states import ObjectState
+from dyknow.anchoring.roads.elements import DirectedLink
+from dyknow.anchoring.roads.fluents import (
+    ROAD_ATTRIBUTES,
+    ROUTE,
+    TRAVELLED,
+    TURN_MADE,
+    attributes_of,
+    number_of,
+    place_of,
+)
+from dyknow.anchoring.roads.hypotheses import (
+    USUAL_PRUNING,
+    Pruning,
+    RouteHypothesis,
+    TurnPrior,
+    advance,
+    pruned,
+    uniform,
+)
+from dyknow.anchoring.roads.network import RoadNetwork
+from dyknow.anchoring.roads.objects import MEASURED, velocity_of
+from dyknow.anchoring.roads.snapping import DEFAULTS, RoadPlace, SnapSettings, snap
+from dyknow.compunits.covariances import Matrix
 
 _COUNTS: Final = 4.0
 """The prior over turns counts as much as this many observed turns of the individual."""

@@ -4,8 +4,8 @@ from collections.abc import Callable, Container, Iterator, Mapping
 from itertools import islice
 from typing import Any, Final, NamedTuple, TypeAlias
 
-from anchoring.roads.elements import DirectedLink, RoadLink
-from anchoring.roads.network import RoadNetwork
+from dyknow.anchoring.roads.elements import DirectedLink, RoadLink
+from dyknow.anchoring.roads.network import RoadNetwork
 
 Speeds: TypeAlias = Mapping[DirectedLink, float]
 """Metres per second as they are measured; a link that is not there is taken at its limit."""

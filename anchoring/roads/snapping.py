@@ -9,9 +9,9 @@ import math
 from dataclasses import dataclass
 from typing import Final, NamedTuple
 
-from anchoring.roads.elements import LEAVE, Crossing, DirectedLink, RoadLink
-from anchoring.roads.geometry import Point2, Projection, wrapped
-from anchoring.roads.network import RoadNetwork
+from dyknow.anchoring.roads.elements import LEAVE, Crossing, DirectedLink, RoadLink
+from dyknow.anchoring.roads.geometry import Point2, Projection, wrapped
+from dyknow.anchoring.roads.network import RoadNetwork
 
 
 @dataclass(frozen=True, slots=True)

@@ -10,10 +10,10 @@ from collections import deque
 from collections.abc import Iterable, Mapping
 from typing import Final, NamedTuple
 
-from anchoring.roads.elements import DirectedLink
-from anchoring.roads.network import RoadNetwork
-from anchoring.roads.snapping import RoadPlace
 from dyknow import US_PER_S
+from dyknow.anchoring.roads.elements import DirectedLink
+from dyknow.anchoring.roads.network import RoadNetwork
+from dyknow.anchoring.roads.snapping import RoadPlace
 
 LONGEST_GAP_US: Final = 5 * US_PER_S
 """Between two places of a vehicle that are farther apart in time it was not on the roads that are watched."""

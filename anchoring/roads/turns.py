@@ -16,8 +16,8 @@ from typing import Final, NamedTuple, TypeAlias
 
 import numpy as np
 
-from anchoring.roads.elements import Crossing, DirectedLink, RoadLink
-from anchoring.roads.geometry import Polyline, wrapped
+from dyknow.anchoring.roads.elements import Crossing, DirectedLink, RoadLink
+from dyknow.anchoring.roads.geometry import Polyline, wrapped
 
 LEFT, RIGHT, STRAIGHT, UTURN = "left", "right", "straight", "uturn"
 TURNS: Final = (LEFT, RIGHT, STRAIGHT, UTURN)

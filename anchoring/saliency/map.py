@@ -13,7 +13,7 @@ from typing import Final, NamedTuple, TypeAlias
 import numpy as np
 from numpy.typing import NDArray
 
-from anchoring.saliency.entries import MOST_ENTRIES, EntryGate, PersonEntry
+from dyknow.anchoring.saliency.entries import MOST_ENTRIES, EntryGate, PersonEntry
 
 Floats: TypeAlias = NDArray[np.float64]
 GATE: Final = 9.21

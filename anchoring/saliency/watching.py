@@ -11,8 +11,8 @@ from typing import Final, NamedTuple
 import numpy as np
 from numpy.typing import NDArray
 
-from anchoring.saliency.entries import FARTHEST_M, MOST_SD_M, PersonEntry
 from dyknow import US_PER_S
+from dyknow.anchoring.saliency.entries import FARTHEST_M, MOST_SD_M, PersonEntry
 
 OBSERVED_US: Final = 5 * US_PER_S
 """So long a body is observed before it counts as a person."""

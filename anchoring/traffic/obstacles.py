@@ -10,10 +10,10 @@ from functools import cache, partial
 from itertools import pairwise
 from typing import Final, NamedTuple
 
-from anchoring.roads.elements import RoadLink
-from anchoring.roads.snapping import RoadPlace
-from anchoring.roads.statistics import LONGEST_GAP_US
 from dyknow import US_PER_S
+from dyknow.anchoring.roads.elements import RoadLink
+from dyknow.anchoring.roads.snapping import RoadPlace
+from dyknow.anchoring.roads.statistics import LONGEST_GAP_US
 
 OVER_US: Final = 5 * US_PER_S
 _STEP_US: Final = US_PER_S // 2

@@ -1,7 +1,7 @@
 """Relations of pairs of cars on a map, where a road is more than one link."""
 
-from anchoring.roads.network import RoadNetwork
-from compunits import StableFollowing, StableRelations
+from dyknow.anchoring.roads.network import RoadNetwork
+from dyknow.compunits import StableFollowing, StableRelations
 
 
 class RelationsOnMap(StableRelations):

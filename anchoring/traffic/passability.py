@@ -3,10 +3,10 @@
 from collections.abc import Mapping
 from typing import Final, NamedTuple
 
-from anchoring.roads.names import way_name
-from anchoring.roads.network import RoadNetwork
-from anchoring.roads.routes import BY_TIME, RoadRoute, RoadRoutes, Speeds
-from anchoring.traffic.obstacles import LaneObstacle, Narrowest
+from dyknow.anchoring.roads.names import way_name
+from dyknow.anchoring.roads.network import RoadNetwork
+from dyknow.anchoring.roads.routes import BY_TIME, RoadRoute, RoadRoutes, Speeds
+from dyknow.anchoring.traffic.obstacles import LaneObstacle, Narrowest
 
 _NAMED: Final = 3
 """At most this number of vehicles is named in a reason."""

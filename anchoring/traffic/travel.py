@@ -3,7 +3,7 @@
 import math
 from typing import Final, NamedTuple
 
-from anchoring.roads.geometry import Point2
+from dyknow.anchoring.roads.geometry import Point2
 from dyknow.model.instants import US_PER_S
 
 LEAST_M: Final = 3.0

@@ -11,17 +11,6 @@ from dataclasses import replace
 from functools import partial
 from typing import Any, Final, NamedTuple, TypeAlias
 
-from anchoring.ready import SLACK_M
-from anchoring.roads.elements import DirectedLink
-from anchoring.roads.names import way_name
-from anchoring.roads.network import RoadNetwork
-from anchoring.roads.snapping import RoadPlace, SnapSettings, snap
-from anchoring.roads.statistics import LONGEST_GAP_US, LinkTraffic, RoadTraffic
-from anchoring.traffic.obstacles import Narrowest, SlowVehicles, narrowest
-from anchoring.traffic.pairs import FollowingOnMap, RelationsOnMap
-from anchoring.traffic.passability import Passability, RouteState, WantedRoute, obstructed
-from anchoring.traffic.travel import Travel
-from compunits import CAR, FOLLOWING, NO_CROSSING, NO_LINK, ROAD_RELATIONS, SEEN_CAR
 from dyknow import (
     NO_VALUE,
     US_PER_S,
@@ -34,6 +23,17 @@ from dyknow import (
     UnitPrototype,
     Value,
 )
+from dyknow.anchoring.ready import SLACK_M
+from dyknow.anchoring.roads.elements import DirectedLink
+from dyknow.anchoring.roads.names import way_name
+from dyknow.anchoring.roads.network import RoadNetwork
+from dyknow.anchoring.roads.snapping import RoadPlace, SnapSettings, snap
+from dyknow.anchoring.roads.statistics import LONGEST_GAP_US, LinkTraffic, RoadTraffic
+from dyknow.anchoring.traffic.obstacles import Narrowest, SlowVehicles, narrowest
+from dyknow.anchoring.traffic.pairs import FollowingOnMap, RelationsOnMap
+from dyknow.anchoring.traffic.passability import Passability, RouteState, WantedRoute, obstructed
+from dyknow.anchoring.traffic.travel import Travel
+from dyknow.compunits import CAR, FOLLOWING, NO_CROSSING, NO_LINK, ROAD_RELATIONS, SEEN_CAR
 from dyknow.model.errors import SortError
 from dyknow.model.members import MAX_MEMBERS
 from dyknow.network.prototypes import of_samples

@@ -6,25 +6,25 @@ from typing import NamedTuple
 import numpy as np
 from numpy.random import Generator
 
-from anchoring.attention.deciding import Attention, Gaze
-from anchoring.attention.ground import along
-from anchoring.attention.view import TurnableCamera, TurnLimits
-from anchoring.attention.watched import watched
-from anchoring.links.structures import ObjectLinkage
-from anchoring.ready import WORLD, ready_specification
-from anchoring.roads.network import RoadNetwork
 from bench.linkage.scores import Shown, Track
-from navigation.cameras.pinhole import Attitude, CameraPose
-from navigation.fusion import Estimate
-from navigation.geodesy import LocalFrame
-from navigation.vehicle import AttitudeReport
-from sim_uavs.autopilot.server import IMAGE_US
-from sim_uavs.cameras.detectors import COLOUR_CAMERA, Obstacle, in_view
-from sim_uavs.cameras.mount import MountLimits
-from sim_uavs.cameras.payload import CameraPayload
-from sim_uavs.roads.drivers import Driver, RoadState
-from sim_uavs.roads.layouts import RoadsJson, network_of
-from sim_uavs.roads.traffic import SimulatedTraffic
+from dyknow.anchoring.attention.deciding import Attention, Gaze
+from dyknow.anchoring.attention.ground import along
+from dyknow.anchoring.attention.view import TurnableCamera, TurnLimits
+from dyknow.anchoring.attention.watched import watched
+from dyknow.anchoring.links.structures import ObjectLinkage
+from dyknow.anchoring.ready import WORLD, ready_specification
+from dyknow.anchoring.roads.network import RoadNetwork
+from dyknow.navigation.cameras.pinhole import Attitude, CameraPose
+from dyknow.navigation.fusion import Estimate
+from dyknow.navigation.geodesy import LocalFrame
+from dyknow.navigation.vehicle import AttitudeReport
+from dyknow.sim_uavs.autopilot.server import IMAGE_US
+from dyknow.sim_uavs.cameras.detectors import COLOUR_CAMERA, Obstacle, in_view
+from dyknow.sim_uavs.cameras.mount import MountLimits
+from dyknow.sim_uavs.cameras.payload import CameraPayload
+from dyknow.sim_uavs.roads.drivers import Driver, RoadState
+from dyknow.sim_uavs.roads.layouts import RoadsJson, network_of
+from dyknow.sim_uavs.roads.traffic import SimulatedTraffic
 
 FRAME = LocalFrame(58.4, 15.6, 0.0)
 DECIDES_US, SCORED_US = 200_000, 100_000

@@ -4,11 +4,11 @@ from collections.abc import Callable
 
 from numpy.random import Generator
 
-from anchoring.roads.network import RoadNetwork
 from bench.attention.flights import WatchedScene, rng_of
-from sim_uavs.cameras.detectors import Obstacle
-from sim_uavs.roads.drivers import Driver, drawn
-from sim_uavs.roads.layouts import cross, network_of, town
+from dyknow.anchoring.roads.network import RoadNetwork
+from dyknow.sim_uavs.cameras.detectors import Obstacle
+from dyknow.sim_uavs.roads.drivers import Driver, drawn
+from dyknow.sim_uavs.roads.layouts import cross, network_of, town
 
 _HALF_HOUSE_M, _ROOF_M = 45.0, 12.0
 _BRIDGES = ((70.0, 0), (210.0, 1), (70.0, 2))

@@ -13,7 +13,7 @@ import numpy as np
 
 from bench.attention.flights import Instant
 from bench.linkage.scores import BRIDGED_M, NEAR_M, Shown, Track
-from sim_uavs.roads.drivers import RoadState
+from dyknow.sim_uavs.roads.drivers import RoadState
 
 WITHIN_US = 15_000_000
 LEAST_US = 1_000_000

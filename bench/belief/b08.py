@@ -16,8 +16,10 @@ from typing import Any
 import numpy as np
 from numpy.typing import NDArray
 
-from anchoring.belief.association.scans import EXACT_INSTANCES
-from anchoring.belief.description import (
+from bench.belief.scenes import ACCELERATION, NOISE_SD_M, P_D, SPEED_SD_M_S, TargetScene, gospa, scene
+from bench.rows import Bar, Figures, Options, Ratio, Side
+from dyknow.anchoring.belief.association.scans import EXACT_INSTANCES
+from dyknow.anchoring.belief.description import (
     GaussianAttribute,
     InitialInstance,
     LifeThresholds,
@@ -26,10 +28,8 @@ from anchoring.belief.description import (
     WorldSensor,
     uniform,
 )
-from anchoring.belief.environment import EnvironmentModel
-from anchoring.belief.observations import WorldObservation
-from bench.belief.scenes import ACCELERATION, NOISE_SD_M, P_D, SPEED_SD_M_S, TargetScene, gospa, scene
-from bench.rows import Bar, Figures, Options, Ratio, Side
+from dyknow.anchoring.belief.environment import EnvironmentModel
+from dyknow.anchoring.belief.observations import WorldObservation
 
 TITLE = "association of scans: N targets, P_D 0.9, clutter a share of N"
 SCANS = {10: 20, 50: 8, 200: 2}

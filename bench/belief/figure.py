@@ -7,10 +7,10 @@ from collections import defaultdict
 from itertools import pairwise
 from pathlib import Path
 
-from anchoring.belief.environment import EnvironmentModel
-from anchoring.belief.files.lines import ObservationReader
-from anchoring.belief.files.models import read_world_model
-from anchoring.belief.reports import UpdateReport
+from dyknow.anchoring.belief.environment import EnvironmentModel
+from dyknow.anchoring.belief.files.lines import ObservationReader
+from dyknow.anchoring.belief.files.models import read_world_model
+from dyknow.anchoring.belief.reports import UpdateReport
 
 ROOT = Path(__file__).parents[2]
 OUT = ROOT / "docs" / "figures" / "existence.svg"

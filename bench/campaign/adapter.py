@@ -5,11 +5,11 @@ All the rest of the campaign knows where the vehicles really are, which orders w
 
 from typing import NamedTuple
 
-from agents.capabilities.flight.flight import FlightAgent
-from agents.capabilities.separation.giving_way import GivingWay
-from agents.capabilities.separation.situation_view import OLD_US
-from agents.platform import Platform
-from sim_uavs.dynamics.flight import Mode
+from dyknow.agents.capabilities.flight.flight import FlightAgent
+from dyknow.agents.capabilities.separation.giving_way import GivingWay
+from dyknow.agents.capabilities.separation.situation_view import OLD_US
+from dyknow.agents.platform import Platform
+from dyknow.sim_uavs.dynamics.flight import Mode
 
 LEAVES = frozenset({Mode.AUTO, Mode.RTL, Mode.LAND})
 """Modes out of which a platform with leave (`missions`) takes its vehicle in order to keep apart."""

@@ -6,14 +6,14 @@ Each bound leaves the vehicle its own way; how it may make room is what it bound
 from math import cos, hypot, radians, sin
 from random import Random
 
-from agents.places import FlightLimits
 from bench.campaign import situations as ways
 from bench.campaign.situations import DrawnVehicle, Way
-from navigation.fences import FenceArea, FenceKind
-from navigation.geodesy import LocalFrame
-from sim_uavs.dynamics.quadcopter import Vector
-from sim_uavs.dynamics.scenarios import ORIGIN
-from sim_uavs.dynamics.settings import FENCE_AREAS, FENCE_HIGHEST, FENCE_RADIUS
+from dyknow.agents.places import FlightLimits
+from dyknow.navigation.fences import FenceArea, FenceKind
+from dyknow.navigation.geodesy import LocalFrame
+from dyknow.sim_uavs.dynamics.quadcopter import Vector
+from dyknow.sim_uavs.dynamics.scenarios import ORIGIN
+from dyknow.sim_uavs.dynamics.settings import FENCE_AREAS, FENCE_HIGHEST, FENCE_RADIUS
 
 _FRAME = LocalFrame(*ORIGIN)
 _OUR_STATION, _OTHER_STATION = 254.0, 255.0

@@ -3,12 +3,12 @@
 from collections.abc import Callable
 from random import Random
 
-from agents.places import FlightLimits
 from bench.campaign.bounds import bounded
 from bench.campaign.geometries import GEOMETRIES, drawn_ways
 from bench.campaign.situations import DrawnVehicle, Situation, Trouble, Way
-from sim_uavs.dynamics.quadcopter import AirframeLimits, Wind
-from sim_uavs.dynamics.settings import PersonaName, VehicleSettings
+from dyknow.agents.places import FlightLimits
+from dyknow.sim_uavs.dynamics.quadcopter import AirframeLimits, Wind
+from dyknow.sim_uavs.dynamics.settings import PersonaName, VehicleSettings
 
 _PERSONAS: tuple[PersonaName, ...] = ("ardupilot", "px4")
 _WIRED = 0.5

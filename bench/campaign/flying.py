@@ -7,24 +7,24 @@ vehicle takes then is what its time among the others is compared with.
 from dataclasses import replace
 from typing import NamedTuple
 
-from agents.config import PlatformConfig
-from agents.places import FlightPlan, Waypoint
 from bench.campaign import situations as ways
 from bench.campaign.personas import PersonaVehicle
 from bench.campaign.situations import WITH_LEAVE, DrawnVehicle, Situation, Trouble
-from federation.messages.contents import Goto, Land, MonitorProximity, ReturnHome
-from federation.messages.dialogue import Dialogue
-from navigation.geodesy import LocalFrame
-from navigation.vehicle import Command
-from sim_uavs.dynamics.flight import GoingTo, Mode
-from sim_uavs.dynamics.missions import Item, MissionAction
-from sim_uavs.dynamics.quadcopter import Vector
-from sim_uavs.dynamics.scenarios import ORIGIN
-from sim_uavs.dynamics.settings import HomePlace, VehicleConfig
-from sim_uavs.dynamics.vehicles import SimulatedVehicle
-from sim_uavs.world.sessions import SessionLink
-from sim_uavs.world.units import WorldNode, WorldProcess
-from sim_uavs.world.world import World
+from dyknow.agents.config import PlatformConfig
+from dyknow.agents.places import FlightPlan, Waypoint
+from dyknow.federation.messages.contents import Goto, Land, MonitorProximity, ReturnHome
+from dyknow.federation.messages.dialogue import Dialogue
+from dyknow.navigation.geodesy import LocalFrame
+from dyknow.navigation.vehicle import Command
+from dyknow.sim_uavs.dynamics.flight import GoingTo, Mode
+from dyknow.sim_uavs.dynamics.missions import Item, MissionAction
+from dyknow.sim_uavs.dynamics.quadcopter import Vector
+from dyknow.sim_uavs.dynamics.scenarios import ORIGIN
+from dyknow.sim_uavs.dynamics.settings import HomePlace, VehicleConfig
+from dyknow.sim_uavs.dynamics.vehicles import SimulatedVehicle
+from dyknow.sim_uavs.world.sessions import SessionLink
+from dyknow.sim_uavs.world.units import WorldNode, WorldProcess
+from dyknow.sim_uavs.world.world import World
 
 S = 1_000_000
 TASK_S, BEGIN_S = 2.0, 6.0

@@ -6,7 +6,7 @@ from random import Random
 
 from bench.campaign import situations as ways
 from bench.campaign.situations import ENDS_ON_GROUND, Way, are_apart
-from sim_uavs.dynamics.quadcopter import Vector
+from dyknow.sim_uavs.dynamics.quadcopter import Vector
 
 LOWEST_M, HIGHEST_M = 12.0, 117.0
 LEVEL_KINDS = (

@@ -9,18 +9,18 @@ from typing import Final
 
 from pymavlink.dialects.v20 import ardupilotmega as mavlink
 
-from navigation.geodesy import LocalFrame
-from navigation.vehicle import Report
-from proxies.mavlink.lists.vehicle_lists import VehicleLists
-from proxies.mavlink.orders import Errands
-from proxies.mavlink.reports import VehicleReports
-from proxies.mavlink.requests import Requests
-from sim_uavs.autopilot.personas import PERSONAS
-from sim_uavs.dynamics.faults import ActiveFaults
-from sim_uavs.dynamics.fences import FlightFence
-from sim_uavs.dynamics.link_loss import LinkFailsafe
-from sim_uavs.dynamics.quadcopter import Vector
-from sim_uavs.dynamics.settings import VehicleConfig
+from dyknow.navigation.geodesy import LocalFrame
+from dyknow.navigation.vehicle import Report
+from dyknow.proxies.mavlink.lists.vehicle_lists import VehicleLists
+from dyknow.proxies.mavlink.orders import Errands
+from dyknow.proxies.mavlink.reports import VehicleReports
+from dyknow.proxies.mavlink.requests import Requests
+from dyknow.sim_uavs.autopilot.personas import PERSONAS
+from dyknow.sim_uavs.dynamics.faults import ActiveFaults
+from dyknow.sim_uavs.dynamics.fences import FlightFence
+from dyknow.sim_uavs.dynamics.link_loss import LinkFailsafe
+from dyknow.sim_uavs.dynamics.quadcopter import Vector
+from dyknow.sim_uavs.dynamics.settings import VehicleConfig
 from tests.sim_uavs.wired import POLL_US, WiredVehicle
 
 BEAT_US: Final = 1_000_000

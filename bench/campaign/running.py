@@ -7,11 +7,11 @@ from math import inf
 from statistics import median
 from time import process_time
 
-from agents.platform import Platform
 from bench.campaign.drawing import situation
 from bench.campaign.flying import CampaignFlight, S
 from bench.campaign.situations import HOVER, Situation
 from bench.campaign.watching import STEP_US, Watch
+from dyknow.agents.platform import Platform
 
 SELDOM = 100_000, 50, 1_000
 """When garbage is collected during a run: nearly all that a world makes stays until its end."""

@@ -4,10 +4,10 @@ from collections.abc import Sequence
 from itertools import combinations
 from typing import NamedTuple
 
-from agents.places import FlightLimits
-from navigation.fences import FenceArea
-from sim_uavs.dynamics.quadcopter import AirframeLimits, Vector, Wind
-from sim_uavs.dynamics.settings import PersonaName, VehicleSettings
+from dyknow.agents.places import FlightLimits
+from dyknow.navigation.fences import FenceArea
+from dyknow.sim_uavs.dynamics.quadcopter import AirframeLimits, Vector, Wind
+from dyknow.sim_uavs.dynamics.settings import PersonaName, VehicleSettings
 
 APART_M, APART_Z_M = 75.0, 21.0
 """Vehicles set out, and end, so far apart: horizontally or vertically."""

@@ -10,16 +10,16 @@ from dataclasses import dataclass, field
 from itertools import combinations, permutations
 from math import sqrt
 
-from agents.monitoring.alarm_log import AlarmLog
-from agents.platform import Platform
 from bench.campaign.adapter import LEAVES, is_aside, manoeuvre, why_not
 from bench.campaign.flying import FRAME, CampaignFlight, S
 from bench.campaign.situations import ENDS_ON_GROUND, HOVER, STREAMED, WITH_LEAVE
 from dyknow import NO_VALUE, Label, Sample
+from dyknow.agents.monitoring.alarm_log import AlarmLog
+from dyknow.agents.platform import Platform
 from dyknow.model.errors import ValueNotAvailable
-from reasoning import AlarmEvent, builtin_profiles
-from sim_uavs.dynamics.flight import GUIDED_MODES, Mode
-from sim_uavs.dynamics.quadcopter import Vector
+from dyknow.reasoning import AlarmEvent, builtin_profiles
+from dyknow.sim_uavs.dynamics.flight import GUIDED_MODES, Mode
+from dyknow.sim_uavs.dynamics.quadcopter import Vector
 
 STEP_US = 100_000
 LEAST_M, APART_AGAIN_M = 10.0, 12.0

@@ -11,11 +11,11 @@ from typing import Final, NamedTuple
 import numpy as np
 from numpy.random import Generator
 
-from anchoring.cooperation.reports import TrackReport
-from anchoring.links.states import ObjectState, diagonal
-from anchoring.links.structures import LinkOutcome, ObjectLinkage, Percept
-from anchoring.ready import VISION, WORLD, ready_specification
-from sim_uavs.roads.drivers import RoadState
+from dyknow.anchoring.cooperation.reports import TrackReport
+from dyknow.anchoring.links.states import ObjectState, diagonal
+from dyknow.anchoring.links.structures import LinkOutcome, ObjectLinkage, Percept
+from dyknow.anchoring.ready import VISION, WORLD, ready_specification
+from dyknow.sim_uavs.roads.drivers import RoadState
 
 PERIOD_US: Final = 100_000
 PERCEPT_SD_M: Final = 1.0

@@ -11,20 +11,20 @@ from typing import Final, NamedTuple
 
 import numpy as np
 
-from anchoring.cooperation.manoeuvres import (
+from bench.cooperation.areas import PERIOD_US, Area, Place, Watcher
+from bench.cooperation.results import keep
+from bench.cooperation.wire import PerceptWire, Wire
+from bench.overtakes.drives import LANE_M, Drive, Run
+from bench.overtakes.recognition import chronicles
+from dyknow.anchoring.cooperation.manoeuvres import (
     LATE_US,
     PairEvents,
     PairRelations,
     SpanningManoeuvres,
     as_relation,
 )
-from anchoring.cooperation.picture import HOLD_US, GlobalPicture
-from anchoring.cooperation.sharing import LEVELS, SharingLevel
-from bench.cooperation.areas import PERIOD_US, Area, Place, Watcher
-from bench.cooperation.results import keep
-from bench.cooperation.wire import PerceptWire, Wire
-from bench.overtakes.drives import LANE_M, Drive, Run
-from bench.overtakes.recognition import chronicles
+from dyknow.anchoring.cooperation.picture import HOLD_US, GlobalPicture
+from dyknow.anchoring.cooperation.sharing import LEVELS, SharingLevel
 
 RUNS: Final = 200
 START_US: Final = 1_700_000_000_000_000

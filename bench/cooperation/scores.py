@@ -10,12 +10,12 @@ from typing import Final, NamedTuple
 import motmetrics
 import numpy as np
 
-from anchoring.cooperation.picture import GlobalPicture
 from bench.cooperation.areas import PERIOD_US, Area, watchers
 from bench.cooperation.results import keep
 from bench.cooperation.wire import Wire
-from sim_uavs.roads.layouts import blocks
-from sim_uavs.roads.shared import SharedTraffic
+from dyknow.anchoring.cooperation.picture import GlobalPicture
+from dyknow.sim_uavs.roads.layouts import blocks
+from dyknow.sim_uavs.roads.shared import SharedTraffic
 
 HIT_M: Final = 5.0
 AREAS: Final = {str(at): Area(30.0 + 90.0 * at, 80.0, 70.0, 100.0) for at in range(3)}

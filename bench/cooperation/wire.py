@@ -7,13 +7,13 @@ from typing import Final
 
 from numpy.random import Generator
 
-from agents.capabilities.cooperation.remote_percepts import RemotePercepts
-from anchoring.cooperation.picture import GlobalPicture
-from anchoring.cooperation.reports import IdentityClaim, TrackReport
-from anchoring.cooperation.sharing import TRACKS_US, SharingLevel
-from anchoring.links.structures import Percept
 from bench.cooperation.areas import PERCEPT_SD_M
 from dyknow import NO_VALUE, Field, Sample, Sort
+from dyknow.agents.capabilities.cooperation.remote_percepts import RemotePercepts
+from dyknow.anchoring.cooperation.picture import GlobalPicture
+from dyknow.anchoring.cooperation.reports import IdentityClaim, TrackReport
+from dyknow.anchoring.cooperation.sharing import TRACKS_US, SharingLevel
+from dyknow.anchoring.links.structures import Percept
 
 PERCEPT: Final = Sort(
     "camera-percept",

@@ -11,9 +11,9 @@ from typing import Final, NamedTuple, TypeAlias
 import numpy as np
 from numpy.typing import NDArray
 
-from anchoring.roads.files.formats import read_roads
-from anchoring.roads.network import RoadNetwork
-from anchoring.roads.turns import STRAIGHT
+from dyknow.anchoring.roads.files.formats import read_roads
+from dyknow.anchoring.roads.network import RoadNetwork
+from dyknow.anchoring.roads.turns import STRAIGHT
 
 ARM_M: Final = 100.0
 RADIUS_M: Final = 12.0

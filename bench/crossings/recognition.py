@@ -13,16 +13,16 @@ from typing import Final, TypeAlias
 
 import numpy as np
 
-from anchoring.links.states import ObjectState, diagonal
-from anchoring.links.structures import ObjectLinkage, Percept
-from anchoring.ready import ON_ROAD, VISION, ready_specification
-from anchoring.roads.network import RoadNetwork
-from anchoring.roads.snapping import RoadPlace, snap
 from bench.crossings.passes import Pass, car_passes
-from compunits import NO_CROSSING, NO_LINK, StableFields
 from dyknow import Label, Sample
-from kpl import parse_chronicles
-from reasoning.chronicles import ChangeEvents, ChronicleFile, Recogniser
+from dyknow.anchoring.links.states import ObjectState, diagonal
+from dyknow.anchoring.links.structures import ObjectLinkage, Percept
+from dyknow.anchoring.ready import ON_ROAD, VISION, ready_specification
+from dyknow.anchoring.roads.network import RoadNetwork
+from dyknow.anchoring.roads.snapping import RoadPlace, snap
+from dyknow.compunits import NO_CROSSING, NO_LINK, StableFields
+from dyknow.kpl import parse_chronicles
+from dyknow.reasoning.chronicles import ChangeEvents, ChronicleFile, Recogniser
 
 CHRONICLES: Final = Path(__file__).parents[2] / "examples" / "traffic" / "turns.chr"
 PERIOD_US: Final = 100_000

@@ -27,10 +27,10 @@ from bench.encounters.cases import (
     legs,
 )
 from bench.encounters.judging import LONGEST, Flown, judge
-from console.commands.fleet.up import FleetStart
-from console.processes.supervision import Fleet
+from dyknow.console.commands.fleet.up import FleetStart
+from dyknow.console.processes.supervision import Fleet
 from dyknow.model.errors import DyknowError
-from runtime.configuration.config import NodeConfig
+from dyknow.runtime.configuration.config import NodeConfig
 
 JOIN_S = 40.0
 RECORDS_S = 6.0

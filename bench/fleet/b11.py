@@ -9,19 +9,19 @@ from typing import Any
 
 import zenoh
 
-from agents.capabilities.flight.options import AvoidanceOptions
-from agents.exchange.gateway import stream_policy
-from agents.options import Chosen
-from agents.platform import Platform
 from bench.fleet.members import PATIENCE_S, PERIOD_US, Member, Source
 from bench.rows import Limit, Options, Ratio, Side
 from bench.wire.raw import STAMP, closed, latencies, opened
 from bench.workers import Worker
 from dyknow import US_PER_S
-from federation import keys
-from federation.messages.codec import StreamSample, encode_samples
-from federation.messages.contents import MonitorProximity
-from reasoning import AlarmEvent
+from dyknow.agents.capabilities.flight.options import AvoidanceOptions
+from dyknow.agents.exchange.gateway import stream_policy
+from dyknow.agents.options import Chosen
+from dyknow.agents.platform import Platform
+from dyknow.federation import keys
+from dyknow.federation.messages.codec import StreamSample, encode_samples
+from dyknow.federation.messages.contents import MonitorProximity
+from dyknow.reasoning import AlarmEvent
 
 TITLE = "16 platforms, position and altitude all to all at 10 Hz, every one monitors proximity to all"
 BARS = (Ratio("cpu_percent", 2.5), Limit("gaps", 0.0), Limit("alarms_missed", 0.0), Limit("alarm_p99_ms", 100.0))

@@ -14,7 +14,7 @@ from pathlib import Path
 import psutil
 
 from bench.rows import Figures, Limit, Options, Side
-from runtime.configuration.config import NodeConfig, SimulatedVehicleConfig, WireConfig
+from dyknow.runtime.configuration.config import NodeConfig, SimulatedVehicleConfig, WireConfig
 
 TITLE = "three platform processes of the scenario crossing, under a task; `dyknow --help`"
 BARS = (
@@ -80,7 +80,7 @@ def _started(directory: Path, federation: str, index: int) -> "subprocess.Popen[
     path = directory / f"{index}.json"
     path.write_text(config.model_dump_json(), encoding="utf-8")
     return subprocess.Popen(
-        [sys.executable, "-m", "runtime.node", "--vehicles", "sim_uavs.simulated", "--config", str(path)],
+        [sys.executable, "-m", "dyknow.runtime.node", "--vehicles", "dyknow.sim_uavs.simulated", "--config", str(path)],
         stdin=subprocess.PIPE,
         stdout=subprocess.PIPE,
         text=True,

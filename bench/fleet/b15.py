@@ -6,14 +6,14 @@ import time
 from collections.abc import Callable, Iterator
 from contextlib import contextmanager
 
-from agents.config import PlatformConfig
 from bench.rows import Figures, Limit, Options, Side
-from federation.messages.contents import MonitorProximity
-from sim_uavs.dynamics.flight_plans import plan_of
-from sim_uavs.dynamics.scenarios import scenario
-from sim_uavs.dynamics.vehicles import SimulatedVehicle
-from sim_uavs.world.sessions import SessionLink
-from sim_uavs.world.world import World
+from dyknow.agents.config import PlatformConfig
+from dyknow.federation.messages.contents import MonitorProximity
+from dyknow.sim_uavs.dynamics.flight_plans import plan_of
+from dyknow.sim_uavs.dynamics.scenarios import scenario
+from dyknow.sim_uavs.dynamics.vehicles import SimulatedVehicle
+from dyknow.sim_uavs.world.sessions import SessionLink
+from dyknow.sim_uavs.world.world import World
 
 TITLE = "the simulated world: processor seconds per simulated second, one core"
 BARS = (Limit("s_per_s", 1.0, ours="100 UAVs, 1 s"), Limit("rss_gb", 4.0, ours="1000 UAVs, 5 neighbours"))

@@ -6,13 +6,13 @@ from contextlib import contextmanager
 from functools import partial
 from time import process_time
 
-from agents.monitoring.monitor_plans import PlanBook
-from agents.monitoring.monitors import UnitMonitors
 from bench.rows import Figures, Limit, Options, Side
 from dyknow import Label, Network, Sample
-from federation.sharing.ontology import default_ontology
-from federation.sharing.translation import LabelConversion
-from reasoning import AlarmEvent, builtin_profiles
+from dyknow.agents.monitoring.monitor_plans import PlanBook
+from dyknow.agents.monitoring.monitors import UnitMonitors
+from dyknow.federation.sharing.ontology import default_ontology
+from dyknow.federation.sharing.translation import LabelConversion
+from dyknow.reasoning import AlarmEvent, builtin_profiles
 
 TITLE = "50 UAVs, 1225 pairs, 10 Hz, one process: percent of a core, from pushed samples to alarms"
 BARS = tuple(Limit("core_percent", 50.0, ours=side) for side in ("proximity", "proximity, proximity-warn"))

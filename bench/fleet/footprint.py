@@ -41,7 +41,7 @@ def help_seconds() -> float:
 def imported_by_help() -> set[str]:
     """The top-level packages that `dyknow --help` imports."""
     code = (
-        "import sys\nfrom console.main import main\nsys.argv = ['dyknow', '--help']\n"
+        "import sys\nfrom dyknow.console.main import main\nsys.argv = ['dyknow', '--help']\n"
         "try:\n    main()\nexcept SystemExit:\n    pass\n"
         "sys.stderr.write(' '.join({name.partition('.')[0] for name in sys.modules}))"
     )

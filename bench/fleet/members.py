@@ -1,4 +1,4 @@
-"""A platform in a process of its own, run as `runtime.process` runs one: edge, mailbox, loop, and the whole platform.
+"""A platform in a process of its own, run as `dyknow.runtime.process` runs one: edge, mailbox, loop, and the whole platform.
 
 What it lacks is a vehicle: where positions are needed, a source in the process gives the estimates.
 """
@@ -10,22 +10,22 @@ from queue import SimpleQueue
 from threading import Thread
 from typing import Any, NamedTuple
 
-from agents.capabilities.flight.flight import FlightAgent
-from agents.config import PlatformConfig
-from agents.directory.directory import DirectoryAgent
-from agents.monitoring.monitor_plans import PlanBook
-from agents.platform import Platform
 from dyknow import Sample
-from federation.messages import contents
-from federation.sharing.ontology import default_ontology
-from federation.transport import Put, WireEffect
-from navigation.fusion import Estimate
-from proxies.zenoh.configuration import ZenohOptions
-from proxies.zenoh.edge import ZenohEdge
-from reasoning import builtin_profiles
-from runtime.clock import NodeClock
-from runtime.loop import step
-from runtime.mailbox import Mailbox
+from dyknow.agents.capabilities.flight.flight import FlightAgent
+from dyknow.agents.config import PlatformConfig
+from dyknow.agents.directory.directory import DirectoryAgent
+from dyknow.agents.monitoring.monitor_plans import PlanBook
+from dyknow.agents.platform import Platform
+from dyknow.federation.messages import contents
+from dyknow.federation.sharing.ontology import default_ontology
+from dyknow.federation.transport import Put, WireEffect
+from dyknow.navigation.fusion import Estimate
+from dyknow.proxies.zenoh.configuration import ZenohOptions
+from dyknow.proxies.zenoh.edge import ZenohEdge
+from dyknow.reasoning import builtin_profiles
+from dyknow.runtime.clock import NodeClock
+from dyknow.runtime.loop import step
+from dyknow.runtime.mailbox import Mailbox
 
 PATIENCE_S = 60.0
 PERIOD_US = 100_000

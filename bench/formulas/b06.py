@@ -21,7 +21,7 @@ from bench.formulas.progressions import (
     unseen_us,
 )
 from bench.rows import Figures, Limit, Options, Ratio, Side
-from reasoning import make_progression
+from dyknow.reasoning import make_progression
 
 TITLE = "progression of the formulas of thesis 7.10, worst sequences, ns per formula and state (thesis: 30 to 72 us)"
 BARS = tuple(

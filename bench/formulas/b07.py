@@ -9,7 +9,7 @@ from contextlib import contextmanager
 from bench.formulas.partial_instances import PartialInstances
 from bench.formulas.traffic import Change, changes, overtake
 from bench.rows import Figures, Limit, Options, Side
-from reasoning.chronicles import (
+from dyknow.reasoning.chronicles import (
     ANY,
     Chronicle,
     ChronicleFile,

@@ -10,8 +10,8 @@ from collections.abc import Sequence
 from typing import NamedTuple
 
 from bench.formulas.traffic import Change
-from reasoning.chronicles import ANY, ChronicleVariable, Compiled, Event, EventType, NoEvent
-from reasoning.chronicles.definition.model import Chronicle
+from dyknow.reasoning.chronicles import ANY, ChronicleVariable, Compiled, Event, EventType, NoEvent
+from dyknow.reasoning.chronicles.definition.model import Chronicle
 
 
 class _Partial(NamedTuple):

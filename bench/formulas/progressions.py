@@ -10,11 +10,11 @@ from itertools import cycle, islice
 from time import process_time_ns
 from typing import Any, Final, NamedTuple
 
-from kpl import read_formula
-from reasoning import make_progression
-from reasoning.formulas.skeletons import take_apart
-from reasoning.formulas.tree import Formula
-from reasoning.progression.automaton import Automaton
+from dyknow.kpl import read_formula
+from dyknow.reasoning import make_progression
+from dyknow.reasoning.formulas.skeletons import take_apart
+from dyknow.reasoning.formulas.tree import Formula
+from dyknow.reasoning.progression.automaton import Automaton
 
 PERIOD_US: Final = 100_000
 FAST, SLOW = 31.5, 29.5

@@ -4,7 +4,7 @@ import random
 from collections.abc import Iterator
 from heapq import heapify, heapreplace
 
-from reasoning.chronicles import (
+from dyknow.reasoning.chronicles import (
     ANY,
     Chronicle,
     ChronicleFile,

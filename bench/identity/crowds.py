@@ -12,7 +12,7 @@ import numpy as np
 from numpy.random import Generator
 from numpy.typing import NDArray
 
-from sim_uavs.roads.percepts import SeenPercept
+from dyknow.sim_uavs.roads.percepts import SeenPercept
 
 Track = NDArray[np.float64]
 """(n, 2): a place for each step."""

@@ -5,15 +5,15 @@ from contextlib import contextmanager
 from random import Random
 from time import process_time
 
-from agents.capabilities.separation.logic import STEPS, SeparationLogic
-from agents.capabilities.separation.neighbours import Neighbours
-from agents.capabilities.separation.records import intent_of, intent_value
-from agents.capabilities.separation.situation import Situation
-from agents.places import Fix
 from bench.rows import Figures, Limit, Options, Side
 from dyknow import Sample
-from navigation.intents.intent import Contingency, IntendedPlace, Intent, IntentEnding, IntentSource, RightOfWay
-from navigation.intents.path import FlatMotion, FlatOrigin, FlatPlace, Performance
+from dyknow.agents.capabilities.separation.logic import STEPS, SeparationLogic
+from dyknow.agents.capabilities.separation.neighbours import Neighbours
+from dyknow.agents.capabilities.separation.records import intent_of, intent_value
+from dyknow.agents.capabilities.separation.situation import Situation
+from dyknow.agents.places import Fix
+from dyknow.navigation.intents.intent import Contingency, IntendedPlace, Intent, IntentEnding, IntentSource, RightOfWay
+from dyknow.navigation.intents.path import FlatMotion, FlatOrigin, FlatPlace, Performance
 
 TITLE = "intents of 50 vehicles at 1 Hz, ten looks a second: part of a core, and the longest look"
 OTHERS, PERIOD_S, LOOKS_S = 50, 1.0, 0.1

@@ -20,7 +20,7 @@ from bench.linkage.ours import by_links
 from bench.linkage.peers import GRID, Setting, by_norfair, per_percept, variants
 from bench.linkage.scores import Score, mean, quick_idf1, score
 from bench.machine import machine
-from sim_uavs.roads.scenes import SCENES, RoadRecording, recorded
+from dyknow.sim_uavs.roads.scenes import SCENES, RoadRecording, recorded
 
 _RESULTS = Path(__file__).parent.parent / "results"
 BARS = {

@@ -10,10 +10,10 @@ from html import escape
 from pathlib import Path
 from typing import Any
 
-from anchoring.roads.network import RoadNetwork
 from bench.linkage.ours import link_lines
-from sim_uavs.roads.layouts import network_of
-from sim_uavs.roads.scenes import RoadRecording, recorded
+from dyknow.anchoring.roads.network import RoadNetwork
+from dyknow.sim_uavs.roads.layouts import network_of
+from dyknow.sim_uavs.roads.scenes import RoadRecording, recorded
 
 OUT = Path(__file__).parents[2] / "docs" / "figures" / "linkage.svg"
 _SCALE, _MARGIN_M = 5.0, 6.0

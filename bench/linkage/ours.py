@@ -10,8 +10,8 @@ from pathlib import Path
 from typing import Any, NamedTuple
 
 from bench.linkage.scores import Shown, Track
-from console.main import app
-from sim_uavs.roads.scenes import RoadRecording
+from dyknow.console.main import app
+from dyknow.sim_uavs.roads.scenes import RoadRecording
 
 WORLD = "world"
 

@@ -9,7 +9,7 @@ import numpy as np
 from norfair.filter import OptimizedKalmanFilterFactory
 
 from bench.linkage.scores import Shown, Track
-from sim_uavs.roads.percepts import SeenPercept
+from dyknow.sim_uavs.roads.percepts import SeenPercept
 
 
 class Looked(Protocol):

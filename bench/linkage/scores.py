@@ -13,7 +13,7 @@ import motmetrics
 import numpy as np
 from scipy.optimize import linear_sum_assignment
 
-from sim_uavs.roads.scenes import Look
+from dyknow.sim_uavs.roads.scenes import Look
 
 NEAR_M = 5.0
 BRIDGED_M = 15.0

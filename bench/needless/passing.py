@@ -10,13 +10,13 @@ from math import cos, radians, sin
 from random import Random
 from time import process_time
 
-from agents.places import FlightLimits
 from bench.campaign import situations as ways
 from bench.campaign.flying import CampaignFlight, S
 from bench.campaign.situations import DrawnVehicle, Situation, Way
 from bench.campaign.watching import STEP_US, Watch
-from sim_uavs.dynamics.quadcopter import AirframeLimits, Vector, Wind
-from sim_uavs.dynamics.settings import VehicleSettings
+from dyknow.agents.places import FlightLimits
+from dyknow.sim_uavs.dynamics.quadcopter import AirframeLimits, Vector, Wind
+from dyknow.sim_uavs.dynamics.settings import VehicleSettings
 
 LANE_M, ASIDE_M, BEHIND_S, ABOVE_M = 50.0, 40.0, 8.0, 30.0
 KINDS = (ways.PLAN, ways.PLAN, ways.GOTO, ways.STATION, ways.AUTO_LEAVE)

@@ -13,7 +13,7 @@ from typing import Any, Final
 
 from bench.overtakes.recognition import CHRONICLES, chronicles
 from dyknow import Label
-from reasoning.chronicles import ChangeEvents, ChronicleInstance, Recogniser
+from dyknow.reasoning.chronicles import ChangeEvents, ChronicleInstance, Recogniser
 
 OUT: Final = Path(__file__).parents[2] / "docs" / "figures" / "overtake.svg"
 EVENTS: Final = CHRONICLES.parent / "relations.jsonl"

@@ -7,7 +7,8 @@ from pathlib import Path
 from typing import Any, Final
 
 from bench.overtakes.drives import Seen
-from compunits import (
+from dyknow import ComputationalUnit, Label, Sample, UnitPrototype, Value, prototypes_in
+from dyknow.compunits import (
     NO_CROSSING,
     ROAD_RELATIONS,
     CarByStep,
@@ -17,9 +18,8 @@ from compunits import (
     StableFields,
     road_offset,
 )
-from dyknow import ComputationalUnit, Label, Sample, UnitPrototype, Value, prototypes_in
-from kpl import parse_chronicles
-from reasoning.chronicles import ChangeEvents, ChronicleFile, ChronicleInstance, Recogniser
+from dyknow.kpl import parse_chronicles
+from dyknow.reasoning.chronicles import ChangeEvents, ChronicleFile, ChronicleInstance, Recogniser
 
 CHRONICLES: Final = Path(__file__).parents[2] / "examples" / "traffic" / "overtakes.chr"
 LINK: Final = "l1"

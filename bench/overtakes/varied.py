@@ -19,7 +19,7 @@ from bench.machine import machine
 from bench.overtakes.drives import LANE_M, Drive, Run, seen
 from bench.overtakes.recognition import recognised
 from bench.overtakes.table import READINGS, wilson
-from compunits import NO_LINK
+from dyknow.compunits import NO_LINK
 
 _RESULTS = Path(__file__).parent.parent / "results"
 ERRORS_M: Final = (0, 2, 5)

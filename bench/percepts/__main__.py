@@ -17,10 +17,10 @@ from typing import Any, Final
 import numpy as np
 import psutil
 
-from anchoring.links.structures import ObjectLinkage
-from anchoring.ready import ready_specification
 from bench.machine import machine
 from bench.percepts.drives import CYCLE_S, PERIOD_US, SEEN_S, Drive, drives, percept, ticks, town_for
+from dyknow.anchoring.links.structures import ObjectLinkage
+from dyknow.anchoring.ready import ready_specification
 
 _RESULTS = Path(__file__).parent.parent / "results"
 NUMBERS: Final = (50, 100, 200, 400)

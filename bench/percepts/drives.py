@@ -8,12 +8,12 @@ import numpy as np
 from numpy.random import Generator
 from numpy.typing import NDArray
 
-from anchoring.links.states import ObjectState, diagonal
-from anchoring.links.structures import Percept
-from anchoring.ready import VISION
-from anchoring.roads.elements import DirectedLink
-from anchoring.roads.network import RoadNetwork
-from sim_uavs.roads.layouts import network_of, town
+from dyknow.anchoring.links.states import ObjectState, diagonal
+from dyknow.anchoring.links.structures import Percept
+from dyknow.anchoring.ready import VISION
+from dyknow.anchoring.roads.elements import DirectedLink
+from dyknow.anchoring.roads.network import RoadNetwork
+from dyknow.sim_uavs.roads.layouts import network_of, town
 
 PERIOD_US: Final = 100_000
 SEEN_S, CYCLE_S = 3.0, 5.0

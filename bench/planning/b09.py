@@ -15,7 +15,7 @@ from pathlib import Path
 from time import perf_counter
 
 from bench.rows import Bar, Figures, Limit, Options, Side
-from planning import Declarations, PlanFound, find_plan, parse_domain, parse_problem
+from dyknow.planning import Declarations, PlanFound, find_plan, parse_domain, parse_problem
 from tests.planning.logistics import problem_text, text
 
 TITLE = "a plan for 10 boxes, one carrier and one UAV"
@@ -57,7 +57,7 @@ def fast_downward() -> Side:
     """The first plan of fast-downward for the symbolic problem."""
     from unified_planning.shortcuts import OneshotPlanner, get_environment
 
-    from planning.symbolic.exporting import to_unified
+    from dyknow.planning.symbolic.exporting import to_unified
 
     domain = parse_domain(Path(__file__).with_name("symbolic.dom").read_text(encoding="utf-8"))
     problem = to_unified(domain, parse_problem(symbolic_text(SYMBOLIC_BOXES), domain)).problem

@@ -12,8 +12,8 @@ from statistics import median
 from time import process_time
 
 from bench.rows import Bar, Figures, Limit, Options, Side
-from planning.contingent.files import read_recovery
-from planning.contingent.recovery_planning import RecoveryPlan, plan_recovery
+from dyknow.planning.contingent.files import read_recovery
+from dyknow.planning.contingent.recovery_planning import RecoveryPlan, plan_recovery
 from tests.planning.contingent.dynamic_programming import Oracle, generated
 
 TITLE = "recovery plans, 200 generated problems a round"

@@ -7,7 +7,7 @@ from contextlib import contextmanager
 
 from bench.rows import Figures, Limit, Options, Ratio, Side
 from dyknow import Label, Network, Policy, Sample, Sort
-from kpl import Hooks, Instance, parse_specification
+from dyknow.kpl import Hooks, Instance, parse_specification
 
 TITLE = "one core, delivery to one consumer (bare: make a sample and call a function; call: the call alone)"
 BARS = (

@@ -11,9 +11,9 @@ from bench.instants import wait_until
 from bench.rows import Figures, Limit, Options, Side
 from bench.wire.raw import latencies
 from dyknow import Network, Sample
+from dyknow.kpl import Hooks, Instance, parse_specification
+from dyknow.kpl.syntax.specification import Declaration
 from dyknow.network.prototypes import prototypes_in, value_unit
-from kpl import Hooks, Instance, parse_specification
-from kpl.syntax.specification import Declaration
 
 TITLE = "1000 streams at 10 Hz, `sample every 100, max delay 100`, while declarations come and go as fast as they can"
 BARS = (

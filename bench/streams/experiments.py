@@ -15,9 +15,9 @@ from typing import NamedTuple, Protocol
 from bench.instants import grid, wait_until
 from bench.rows import Figures
 from dyknow import Label, Network, Sample
+from dyknow.kpl import Hooks, Instance, parse_specification
+from dyknow.kpl.syntax.specification import FromSource, GeneratorDeclaration, Refinement, StreamDeclaration
 from dyknow.network.prototypes import prototypes_in, value_unit
-from kpl import Hooks, Instance, parse_specification
-from kpl.syntax.specification import FromSource, GeneratorDeclaration, Refinement, StreamDeclaration
 
 PERIOD_MS = 100
 

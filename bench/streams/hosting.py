@@ -13,19 +13,19 @@ from typing import Any
 
 import psutil
 
-from agents.effects import HostEffect
-from agents.hosts.host_desk import HostDesk
-from agents.hosts.knowledge_host import KnowledgeHost
 from bench.wire.raw import PATIENCE_S, latencies
 from dyknow import Network, Sample, UnitPrototype, of_values
-from federation.hosts.messages import WINDOW
-from federation.members.clock import FederationClock
-from kpl import Hooks, Instance, parse_specification
-from proxies.hosts.listener import HostDoor
-from runtime.clock import NodeClock
-from runtime.hosts.host_process import HostProcess
-from runtime.loop import step
-from runtime.mailbox import Mailbox
+from dyknow.agents.effects import HostEffect
+from dyknow.agents.hosts.host_desk import HostDesk
+from dyknow.agents.hosts.knowledge_host import KnowledgeHost
+from dyknow.federation.hosts.messages import WINDOW
+from dyknow.federation.members.clock import FederationClock
+from dyknow.kpl import Hooks, Instance, parse_specification
+from dyknow.proxies.hosts.listener import HostDoor
+from dyknow.runtime.clock import NodeClock
+from dyknow.runtime.hosts.host_process import HostProcess
+from dyknow.runtime.loop import step
+from dyknow.runtime.mailbox import Mailbox
 
 CHAIN = ("smooth", "scale", "offset")
 SPEC = "source number raw\nstrmgen raw = raw\n" + "".join(

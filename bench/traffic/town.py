@@ -5,9 +5,9 @@ from typing import Any, Final, NamedTuple
 
 import numpy as np
 
-from anchoring.roads.network import RoadNetwork
-from sim_uavs.roads.drivers import RoadState, drawn
-from sim_uavs.roads.traffic import SimulatedTraffic
+from dyknow.anchoring.roads.network import RoadNetwork
+from dyknow.sim_uavs.roads.drivers import RoadState, drawn
+from dyknow.sim_uavs.roads.traffic import SimulatedTraffic
 
 STEP_MS: Final = 100
 GONE_S: Final = (1.0, 3.0)

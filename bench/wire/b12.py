@@ -8,15 +8,15 @@ from contextlib import ExitStack, contextmanager
 from functools import partial
 from typing import Any
 
-from agents.capabilities.flight.flight import FlightAgent
 from bench.fleet.members import Member, Source
 from bench.rows import Options, Ratio, Side
 from bench.wire.raw import PATIENCE_S, latencies
 from bench.workers import Worker
-from federation.messages.acts import Act, Performative
-from federation.messages.contents import Content, Fault, Query
-from federation.security.trust import Roster, Signer, Trust, Verifier
-from federation.security.trust import RosterMember as Entry
+from dyknow.agents.capabilities.flight.flight import FlightAgent
+from dyknow.federation.messages.acts import Act, Performative
+from dyknow.federation.messages.contents import Content, Fault, Query
+from dyknow.federation.security.trust import Roster, Signer, Trust, Verifier
+from dyknow.federation.security.trust import RosterMember as Entry
 
 SPADE = 1100.0 / 150.0
 """A request to a SPADE agent and its answer, the fastest seen, in terms of Zenoh's get and reply on that machine."""

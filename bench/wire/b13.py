@@ -8,11 +8,11 @@ from contextlib import ExitStack, contextmanager
 from functools import partial
 from threading import Event
 
-from agents.directory.directory import DirectoryAgent
 from bench.fleet.members import Member, prepare
 from bench.rows import Above, Figures, Options, Side
 from bench.wire.meshes import newcomers
 from bench.wire.raw import PATIENCE_S
+from dyknow.agents.directory.directory import DirectoryAgent
 
 TITLE = "discovery: n opened at once, until every one holds the tokens (raw, edge) or the whole entries (ours) of all"
 SIZES = (2, 8, 16)

@@ -11,10 +11,10 @@ import zenoh
 
 from bench.wire.raw import PATIENCE_S, STAMP, closed, latencies, opened
 from bench.workers import Worker
-from federation import keys
-from federation.transport import DeclareToken, TokenChanged, WatchTokens, WireEvent
-from proxies.zenoh.configuration import ZenohOptions
-from proxies.zenoh.edge import ZenohEdge
+from dyknow.federation import keys
+from dyknow.federation.transport import DeclareToken, TokenChanged, WatchTokens, WireEvent
+from dyknow.proxies.zenoh.configuration import ZenohOptions
+from dyknow.proxies.zenoh.edge import ZenohEdge
 
 _HEAD_START_NS = 100_000_000
 STREAMS = ("heli-position", "heli-altitude")

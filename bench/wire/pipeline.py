@@ -8,27 +8,27 @@ import time
 from collections.abc import Callable
 from typing import Any, NamedTuple
 
-from agents.config import PlatformConfig
-from agents.containment import Containment
-from agents.exchange.export_proxy import ExportProxy
-from agents.exchange.import_proxy import ImportProxy
-from agents.parts import PlatformParts
-from agents.ports import Ports
 from bench.instants import grid
 from bench.streams.experiments import fluent_streams
 from bench.wire.raw import IDLE_S, PATIENCE_S, delays, latencies
 from dyknow import Network, Policy, Sample, earlier
-from federation import keys
-from federation.members.clock import Offset
-from federation.sharing.exports import Exports
-from federation.sharing.ontology import Ontology
-from federation.sharing.translation import Translation
-from federation.transport import Answered, Arrived, Asked, AskEnded, DeclareQueryable, Put, Urgency, WireEffect
-from kpl import Instance, parse_specification
-from proxies.zenoh.configuration import ZenohOptions
-from proxies.zenoh.edge import ZenohEdge
-from runtime.loop import step
-from runtime.mailbox import Mailbox
+from dyknow.agents.config import PlatformConfig
+from dyknow.agents.containment import Containment
+from dyknow.agents.exchange.export_proxy import ExportProxy
+from dyknow.agents.exchange.import_proxy import ImportProxy
+from dyknow.agents.parts import PlatformParts
+from dyknow.agents.ports import Ports
+from dyknow.federation import keys
+from dyknow.federation.members.clock import Offset
+from dyknow.federation.sharing.exports import Exports
+from dyknow.federation.sharing.ontology import Ontology
+from dyknow.federation.sharing.translation import Translation
+from dyknow.federation.transport import Answered, Arrived, Asked, AskEnded, DeclareQueryable, Put, Urgency, WireEffect
+from dyknow.kpl import Instance, parse_specification
+from dyknow.proxies.zenoh.configuration import ZenohOptions
+from dyknow.proxies.zenoh.edge import ZenohEdge
+from dyknow.runtime.loop import step
+from dyknow.runtime.mailbox import Mailbox
 
 LABEL = "bench-state"
 ONTOLOGY = Ontology({}).extended(

@@ -16,7 +16,7 @@ import zenoh
 from zenoh.handlers import Callback
 
 from bench.instants import grid
-from proxies.zenoh.configuration import ZenohOptions, zenoh_config
+from dyknow.proxies.zenoh.configuration import ZenohOptions, zenoh_config
 
 STAMP = struct.Struct("<qq")
 PATIENCE_S = 10.0

@@ -4,9 +4,9 @@ import os
 from collections.abc import Iterator
 from contextlib import contextmanager
 
-from console.command import Call
-from runtime.client import Client, ClientPorts, client_ports, command_centre
-from runtime.configuration.reach import client_wire, speaks_as
+from dyknow.console.command import Call
+from dyknow.runtime.client import Client, ClientPorts, client_ports, command_centre
+from dyknow.runtime.configuration.reach import client_wire, speaks_as
 
 
 @contextmanager

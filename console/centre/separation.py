@@ -5,10 +5,10 @@ from dataclasses import dataclass, field
 from itertools import combinations
 from typing import Any
 
-from federation.messages.contents import Query, Samples
-from navigation.geodesy import distance_m
-from runtime.client import Client
-from runtime.library.jobs import lists
+from dyknow.federation.messages.contents import Query, Samples
+from dyknow.navigation.geodesy import distance_m
+from dyknow.runtime.client import Client
+from dyknow.runtime.library.jobs import lists
 
 POSITION, ALTITUDE = "heli-position", "heli-altitude"
 _KEPT = 200

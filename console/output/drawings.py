@@ -2,13 +2,13 @@
 
 from typing import TYPE_CHECKING, Final
 
-from kpl.introspection.picture import NodeBox, layered_svg
-from kpl.introspection.svg import box, document, words
+from dyknow.kpl.introspection.picture import NodeBox, layered_svg
+from dyknow.kpl.introspection.svg import box, document, words
 
 if TYPE_CHECKING:
-    from anchoring.matching.candidates import PropertyFinding
-    from anchoring.matching.situations import AnchoringSituation
-    from planning.contingent.conditional_plans import ConditionalPlan
+    from dyknow.anchoring.matching.candidates import PropertyFinding
+    from dyknow.anchoring.matching.situations import AnchoringSituation
+    from dyknow.planning.contingent.conditional_plans import ConditionalPlan
 
 _CHARACTER: Final = 7
 _ROW: Final = 30

@@ -7,7 +7,7 @@ from contextlib import contextmanager, suppress
 from textwrap import fill
 from typing import TYPE_CHECKING, Any, TextIO, cast
 
-from console.output.shown import Shown, as_text, line, print_trimmed, printable, styled
+from dyknow.console.output.shown import Shown, as_text, line, print_trimmed, printable, styled
 from dyknow.model.values import as_json
 
 _JSON = json.JSONEncoder(separators=(",", ":"), allow_nan=False, default=as_json)
@@ -129,7 +129,7 @@ class Output:
         Those named in `right` are flushed right, those in `wraps` may be broken between words; those in `whole`,
         which are to be copied, are never broken.
         """
-        from console.output.tables import Column, print_table
+        from dyknow.console.output.tables import Column, print_table
 
         described = [Column(name, name in right, name in wraps, name in whole) for name in columns]
         print_table(self._console, title, described, rows)

@@ -12,7 +12,7 @@ from rich.padding import Padding
 from rich.table import Table
 from rich.text import Text
 
-from console.output.shown import Shown, as_text, print_trimmed
+from dyknow.console.output.shown import Shown, as_text, print_trimmed
 
 LONG = 24
 _BETWEEN, _EDGES = 3, 2

@@ -7,12 +7,12 @@ a page little.
 from collections.abc import Mapping
 from typing import Any, Final
 
-from agents.capabilities.separation.records import intent_of
-from console.picture.differences import Row
-from console.picture.rows import text
+from dyknow.agents.capabilities.separation.records import intent_of
+from dyknow.console.picture.differences import Row
+from dyknow.console.picture.rows import text
+from dyknow.federation.messages.acts import Act, Performative
 from dyknow.model.sample import Sample
-from federation.messages.acts import Act, Performative
-from navigation.intents.intent import IntendedPlace
+from dyknow.navigation.intents.intent import IntendedPlace
 
 SAME_US: Final = 2_000_000
 _FIELDS: Final = (

@@ -6,8 +6,8 @@ from collections.abc import Mapping
 from dataclasses import dataclass, field
 from typing import Final
 
-from console.picture.differences import Row
-from navigation.geodesy import metres_per_degree
+from dyknow.console.picture.differences import Row
+from dyknow.navigation.geodesy import metres_per_degree
 
 CLOSE_M, CLOSE_ABOVE_M = 60.0, 30.0
 """Platforms nearer than this, horizontally and vertically, are a close pair."""

@@ -10,15 +10,15 @@ from collections.abc import Mapping, Sequence
 from dataclasses import dataclass, field
 from typing import Any, Final
 
-from console.picture import rows
-from console.picture.differences import Row, Sections
-from console.picture.intents import agreed_meetings, intent_row, meeting_row
-from console.picture.measures import Curves, close_pairs
-from console.picture.rows import number, text
-from federation.messages.acts import Act
-from navigation.geodesy import metres_per_degree
-from runtime.recordings import foxglove
-from runtime.recordings import recording_file as kinds
+from dyknow.console.picture import rows
+from dyknow.console.picture.differences import Row, Sections
+from dyknow.console.picture.intents import agreed_meetings, intent_row, meeting_row
+from dyknow.console.picture.measures import Curves, close_pairs
+from dyknow.console.picture.rows import number, text
+from dyknow.federation.messages.acts import Act
+from dyknow.navigation.geodesy import metres_per_degree
+from dyknow.runtime.recordings import foxglove
+from dyknow.runtime.recordings import recording_file as kinds
 
 SECTIONS: Final = (
     "platforms", "streams", "links", "monitors", "alarms", "tasks", "missions", "acts", "events", "objects", "views",

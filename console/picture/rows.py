@@ -4,11 +4,11 @@ import math
 from collections.abc import Mapping, Sequence
 from typing import Any, Final
 
-from console.output.shown import printable
-from console.picture.differences import Row
+from dyknow.console.output.shown import printable
+from dyknow.console.picture.differences import Row
+from dyknow.federation.messages.acts import Act, parse_act
+from dyknow.federation.messages.contents.parts import read
 from dyknow.model.errors import DyknowError, TextError
-from federation.messages.acts import Act, parse_act
-from federation.messages.contents.parts import read
 
 LONGEST: Final = 240
 LONGEST_ACT: Final = 2000

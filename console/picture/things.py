@@ -7,10 +7,10 @@ import math
 from collections.abc import Callable, Mapping
 from typing import Any, Final, NamedTuple
 
-from console.picture import rows
-from console.picture.differences import Row
-from console.picture.picture import Picture
-from runtime.recordings.recording_file import ALARM, SAMPLE
+from dyknow.console.picture import rows
+from dyknow.console.picture.differences import Row
+from dyknow.console.picture.picture import Picture
+from dyknow.runtime.recordings.recording_file import ALARM, SAMPLE
 
 _FORMS: Final[Mapping[str, tuple[str, ...]]] = {
     "heli-position": ("latitude_deg", "longitude_deg"),

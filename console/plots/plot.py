@@ -6,7 +6,7 @@ from datetime import timedelta
 from pathlib import Path
 from typing import TYPE_CHECKING, Any, Final, Literal, TypeAlias
 
-from console.output.shown import printable
+from dyknow.console.output.shown import printable
 from dyknow.model.errors import WrongCall
 from dyknow.model.instants import EPOCH, US_PER_S
 

@@ -3,10 +3,10 @@
 from collections.abc import Iterable, Iterator, Mapping, Sequence
 from typing import Any, Final, NamedTuple
 
-from console.plots.plot import Band, Curve, Plot, PlotPanel, joined
-from runtime.recordings.recorded import FederationRecording
-from runtime.recordings.recording_file import ALARM, MONITOR, SAMPLE
-from runtime.recordings.summary import LATEST_US, period_and_gaps
+from dyknow.console.plots.plot import Band, Curve, Plot, PlotPanel, joined
+from dyknow.runtime.recordings.recorded import FederationRecording
+from dyknow.runtime.recordings.recording_file import ALARM, MONITOR, SAMPLE
+from dyknow.runtime.recordings.summary import LATEST_US, period_and_gaps
 
 MOST_SAMPLES: Final = 500_000
 

@@ -3,14 +3,14 @@
 from collections.abc import Iterable, Sequence
 from typing import TYPE_CHECKING, Final
 
-from console.plots.plot import Band, Curve, Kind, Plot, PlotPanel, joined
+from dyknow.console.plots.plot import Band, Curve, Kind, Plot, PlotPanel, joined
 from dyknow.model.errors import WrongCall
 from dyknow.model.values import NO_VALUE
 
 if TYPE_CHECKING:
-    from reasoning import Trace
-    from reasoning.formulas.tree import Domains, Formula
-    from reasoning.monitoring.traces import Outcome, TraceState
+    from dyknow.reasoning import Trace
+    from dyknow.reasoning.formulas.tree import Domains, Formula
+    from dyknow.reasoning.monitoring.traces import Outcome, TraceState
 
 _LEVELS: Final = {0.0: "false", 0.5: "undecided", 1.0: "true"}
 MOST_STEPS: Final = 200_000
@@ -56,8 +56,8 @@ def _panel(label: str, states: Sequence["TraceState"]) -> PlotPanel | None:
 
 def _verdicts(formula: "Formula", states: Sequence["TraceState"], domains: "Domains") -> PlotPanel:
     """The verdict of the formula, or of its operand of `always`, begun at each state."""
-    from reasoning import follow_trace
-    from reasoning.formulas.tree import Always
+    from dyknow.reasoning import follow_trace
+    from dyknow.reasoning.formulas.tree import Always
 
     body = formula
     if isinstance(formula, Always) and formula.hi_us is None and formula.lo_us == 0:

@@ -8,21 +8,21 @@ from typing import Any, NamedTuple
 
 from pydantic import ValidationError
 
-from agents.capabilities.flight.options import FlightOptions
-from agents.exchange.options import TranslationOptions
-from agents.monitoring.options import MonitoringOptions
-from agents.options import BASE
-from console.command import Call
+from dyknow.agents.capabilities.flight.options import FlightOptions
+from dyknow.agents.exchange.options import TranslationOptions
+from dyknow.agents.monitoring.options import MonitoringOptions
+from dyknow.agents.options import BASE
+from dyknow.console.command import Call
 from dyknow.documents.durations import duration_us
+from dyknow.federation.keys import unit as unit_name
 from dyknow.model.errors import TextError, WrongCall, did_you_mean
-from federation.keys import unit as unit_name
-from runtime.configuration import config
-from runtime.configuration.instants import instant_us
-from runtime.configuration.local_endpoints import free_ports, with_local_endpoint
-from runtime.configuration.reach import trust_files, wire_of
-from runtime.configuration.run_directory import run_directory
-from runtime.configuration.settings import Settings, UnitFile
-from runtime.configuration.toml import wrong_values
+from dyknow.runtime.configuration import config
+from dyknow.runtime.configuration.instants import instant_us
+from dyknow.runtime.configuration.local_endpoints import free_ports, with_local_endpoint
+from dyknow.runtime.configuration.reach import trust_files, wire_of
+from dyknow.runtime.configuration.run_directory import run_directory
+from dyknow.runtime.configuration.settings import Settings, UnitFile
+from dyknow.runtime.configuration.toml import wrong_values
 
 _NOTHING = UnitFile()
 
@@ -232,9 +232,9 @@ def check_forward(own: UnitFile, *, place: str) -> None:
 
 def mavlink_vehicle(own: UnitFile, *, place: str) -> config.MavlinkVehicle:
     """A vehicle that speaks MAVLink, its endpoint and its key looked at; raises WrongCall."""
-    from proxies.mavlink.endpoints import parse_endpoint
-    from proxies.mavlink.signing import insist_on_key, read_key
-    from proxies.outward.outlets import parse_destination
+    from dyknow.proxies.mavlink.endpoints import parse_endpoint
+    from dyknow.proxies.mavlink.signing import insist_on_key, read_key
+    from dyknow.proxies.outward.outlets import parse_destination
 
     text, link = own[config.EndpointOptions].mavlink or "", own[config.MavlinkOptions]
     try:
@@ -284,14 +284,14 @@ def _check_texts(call: Call, own: UnitFile) -> None:
     """Raise WrongCall or TextError for files that the platform's process could not read."""
     elevation = own[FlightOptions].elevation
     if elevation is not None:
-        from runtime.configuration.elevation_files import read_elevation
+        from dyknow.runtime.configuration.elevation_files import read_elevation
 
         read_elevation(elevation)
     translation, profiles = own[TranslationOptions].translation, own[MonitoringOptions].profiles
     if translation is None and profiles is None:
         return
-    from runtime.configuration.ontologies import ontology_of
-    from runtime.configuration.resolved import read_profiles, read_translation
+    from dyknow.runtime.configuration.ontologies import ontology_of
+    from dyknow.runtime.configuration.resolved import read_profiles, read_translation
 
     if translation is not None:
         read_translation(ontology_of(call.settings.extensions, call.settings.ontology), translation)
@@ -317,7 +317,7 @@ def replayed(file: Path, from_: str, epoch: str, now_us: int, *, place: str) -> 
 
 def _check_recording(file: Path, from_us: int, place: str) -> None:
     """Raise DecodeError for a file that is no recording, and WrongCall if it ends before `from_us`."""
-    from proxies.recordings.formats import open_recording
+    from dyknow.proxies.recordings.formats import open_recording
 
     lasting_us = open_recording(file).lasting_us(from_us)
     if lasting_us < from_us:

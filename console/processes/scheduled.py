@@ -3,7 +3,7 @@
 from collections.abc import Iterable, Sequence
 
 from dyknow.model.errors import TextError, WrongCall, did_you_mean
-from runtime.configuration.config import NodeConfig, SimulatedVehicleConfig
+from dyknow.runtime.configuration.config import NodeConfig, SimulatedVehicleConfig
 
 
 def with_faults(configs: Sequence[NodeConfig], texts: Iterable[str], seed: int | None) -> list[NodeConfig]:
@@ -12,7 +12,7 @@ def with_faults(configs: Sequence[NodeConfig], texts: Iterable[str], seed: int |
     Raises:
         WrongCall: a text is no fault of a schedule, or of no simulated UAV that is to be started.
     """
-    from sim_uavs.dynamics.faults import drawn, parse_scheduled
+    from dyknow.sim_uavs.dynamics.faults import drawn, parse_scheduled
 
     faults: dict[str, list[str]] = {
         each.unit: [] if seed is None else [str(drawn(seed, each.vehicle.index))]

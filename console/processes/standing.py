@@ -3,11 +3,11 @@
 from collections.abc import Sequence
 from pathlib import Path
 
-from console.processes.supervision import Fleet
-from runtime.configuration import run_directory
-from runtime.configuration.config import NodeConfig
-from runtime.configuration.local_endpoints import noted_local
-from runtime.configuration.run_directory import ProcessState, Running
+from dyknow.console.processes.supervision import Fleet
+from dyknow.runtime.configuration import run_directory
+from dyknow.runtime.configuration.config import NodeConfig
+from dyknow.runtime.configuration.local_endpoints import noted_local
+from dyknow.runtime.configuration.run_directory import ProcessState, Running
 
 
 def running_units(directory: Path) -> set[str]:

@@ -18,12 +18,12 @@ from typing import Any
 
 import psutil
 
-from console.errors import WRONG
-from console.output.output import Output
+from dyknow.console.errors import WRONG
+from dyknow.console.output.output import Output
 from dyknow.model.errors import FederationFailed, WrongCall
-from runtime.configuration.run_directory import Running
+from dyknow.runtime.configuration.run_directory import Running
 
-VEHICLES = "sim_uavs.simulated"
+VEHICLES = "dyknow.sim_uavs.simulated"
 """The module that registers simulated vehicles with a platform process."""
 GRACE_S = 5.0
 _POLL_S = 0.02
@@ -65,11 +65,11 @@ class Fleet:
         self._first: dict[str, str] = {}
         self.running: dict[str, Running] = {}
 
-    def start(self, unit: str, configuration: str, module: str = "runtime.node") -> None:
+    def start(self, unit: str, configuration: str, module: str = "dyknow.runtime.node") -> None:
         """Start the platform `unit` with its configuration, a JSON text."""
         self.start_together({unit: configuration}, module)
 
-    def start_together(self, configurations: Mapping[str, str], module: str = "runtime.node") -> None:
+    def start_together(self, configurations: Mapping[str, str], module: str = "dyknow.runtime.node") -> None:
         """Start platforms, by name, in one process; its events and its log are those of the first."""
         first = next(iter(configurations))
         out = self._units / f"{first}.out"

@@ -5,13 +5,11 @@ from collections.abc import Iterable, Mapping, Sequence
 from dataclasses import dataclass, field
 from typing import Final, NamedTuple, TypeAlias, TypeVar
 
-from console.commands.members.alarms import input_names, reason_text
-from console.commands.members.ls import LOW_BATTERY, newest_samples
-from dyknow.model.errors import NothingFound, TextError
-from dyknow.model.instants import print_span
-from federation.members.command_centre import PlatformView
-from federation.messages.acts import Act, parse_act
-from federation.messages.contents import (
+from dyknow.console.commands.members.alarms import input_names, reason_text
+from dyknow.console.commands.members.ls import LOW_BATTERY, newest_samples
+from dyknow.federation.members.command_centre import PlatformView
+from dyknow.federation.messages.acts import Act, parse_act
+from dyknow.federation.messages.contents import (
     ActLog,
     Acts,
     Alarm,
@@ -24,10 +22,12 @@ from federation.messages.contents import (
     MonitorList,
     Monitors,
 )
-from runtime.client import Client
-from runtime.configuration.instants import clock_time
-from runtime.library.jobs import Subscriptions, all_platforms, lists
-from runtime.library.questions import is_stale
+from dyknow.model.errors import NothingFound, TextError
+from dyknow.model.instants import print_span
+from dyknow.runtime.client import Client
+from dyknow.runtime.configuration.instants import clock_time
+from dyknow.runtime.library.jobs import Subscriptions, all_platforms, lists
+from dyknow.runtime.library.questions import is_stale
 
 KEPT: Final = 500
 """Alarms and acts that are shown, the newest."""

@@ -10,8 +10,8 @@ from textual.containers import VerticalScroll
 from textual.screen import ModalScreen
 from textual.widgets import DataTable, Footer, Input, Static
 
-from console.output.shown import printable
-from console.top.gathered import TABLES, Row, TopSnapshot
+from dyknow.console.output.shown import printable
+from dyknow.console.top.gathered import TABLES, Row, TopSnapshot
 
 LOOK_S = 0.5
 _STYLES = {"bad": "red", "warn": "yellow"}

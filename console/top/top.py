@@ -5,12 +5,12 @@ import threading
 from collections.abc import Iterator
 from contextlib import contextmanager
 
-from console.centre.client import connected
-from console.command import Call, command
-from console.errors import DONE, INTERRUPTED
-from console.top.gathered import Gatherer, TopSnapshot
+from dyknow.console.centre.client import connected
+from dyknow.console.command import Call, command
+from dyknow.console.errors import DONE, INTERRUPTED
+from dyknow.console.top.gathered import Gatherer, TopSnapshot
 from dyknow.model.errors import DyknowError, WrongCall
-from runtime.client import Client
+from dyknow.runtime.client import Client
 
 LOOK_S = 1.0
 
@@ -21,7 +21,7 @@ def top(call: Call) -> int:
     if call.out.json_lines:
         raise WrongCall("top is a screen: ls, imports, monitors, alarms and acts print what it shows with --json.")
     try:
-        from console.top.screen import TopApp
+        from dyknow.console.top.screen import TopApp
     except ImportError:
         raise WrongCall(
             "the screen is drawn with textual, which is not installed; install the extra: "

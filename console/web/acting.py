@@ -3,16 +3,16 @@
 from collections.abc import Callable, Mapping
 from typing import Any, Final
 
-from console.picture.rows import text
-from console.web.actions import Done
+from dyknow.console.picture.rows import text
+from dyknow.console.web.actions import Done
+from dyknow.federation.messages.acts import Performative
+from dyknow.federation.messages.contents import AnswerQuestion, ControlMission
+from dyknow.federation.messages.dialogue import Dialogue
 from dyknow.model.errors import DyknowError, FederationFailed, WrongCall
-from federation.messages.acts import Performative
-from federation.messages.contents import AnswerQuestion, ControlMission
-from federation.messages.dialogue import Dialogue
-from runtime.client import Client, Job, Wait
-from runtime.library.jobs import begin_task, failure_of, running_already
-from runtime.library.listings import cancel
-from runtime.library.missions import abort_mission
+from dyknow.runtime.client import Client, Job, Wait
+from dyknow.runtime.library.jobs import begin_task, failure_of, running_already
+from dyknow.runtime.library.listings import cancel
+from dyknow.runtime.library.missions import abort_mission
 
 ANSWER_S: Final = 3.0
 MOST_VALUES: Final = 32

@@ -9,7 +9,7 @@ from typing import Any, Final, cast
 
 from uvicorn.protocols.http.h11_impl import H11Protocol
 
-from console.web.access import Access
+from dyknow.console.web.access import Access
 
 MOST_STRANGERS: Final = 64
 MOST_KNOWN: Final = 64

@@ -4,12 +4,12 @@ from bisect import bisect_right
 from collections.abc import Mapping
 from typing import Any, Final, Protocol
 
-from console.picture.picture import Picture
-from console.picture.rows import LONGEST, instant, number
-from console.web.views import PageView, Past
+from dyknow.console.picture.picture import Picture
+from dyknow.console.picture.rows import LONGEST, instant, number
+from dyknow.console.web.views import PageView, Past
 from dyknow.model.errors import DecodeError
-from runtime.recordings.recorded import FederationRecording
-from runtime.recordings.recording_file import ALARM
+from dyknow.runtime.recordings.recorded import FederationRecording
+from dyknow.runtime.recordings.recording_file import ALARM
 
 KEYFRAME_US: Final = 5_000_000
 MOST_MESSAGES: Final = 3_000_000

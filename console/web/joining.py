@@ -7,12 +7,12 @@ from contextlib import AbstractContextManager
 from queue import SimpleQueue
 from typing import TYPE_CHECKING, Any, TypeAlias
 
-from console.web.actions import Done, PageAction
-from console.web.views import LiveFeed
+from dyknow.console.web.actions import Done, PageAction
+from dyknow.console.web.views import LiveFeed
 from dyknow.model.errors import DyknowError, SessionFailed
 
 if TYPE_CHECKING:
-    from runtime.client import Client
+    from dyknow.runtime.client import Client
 
 Connect: TypeAlias = Callable[[], "AbstractContextManager[Client]"]
 
@@ -69,8 +69,8 @@ class PageMember:
             self._thread.join(5.0)
 
     def _run(self) -> None:
-        from console.picture.picture import Picture
-        from console.web.member import feed_from
+        from dyknow.console.picture.picture import Picture
+        from dyknow.console.web.member import feed_from
 
         try:
             with self._connect() as client:

@@ -6,13 +6,13 @@ from queue import SimpleQueue
 from threading import Event
 from typing import Final
 
-from console.picture.picture import MAP_LABELS
-from console.web.acting import job_of
-from console.web.actions import Done, PageAction
-from console.web.views import LOOKING, LiveFeed
+from dyknow.console.picture.picture import MAP_LABELS
+from dyknow.console.web.acting import job_of
+from dyknow.console.web.actions import Done, PageAction
+from dyknow.console.web.views import LOOKING, LiveFeed
 from dyknow.model.errors import DyknowError
-from runtime.client import Client, Job, Wait
-from runtime.recorder.recorder import Recorder
+from dyknow.runtime.client import Client, Job, Wait
+from dyknow.runtime.recorder.recorder import Recorder
 
 LIST_US: Final = 1_000_000
 LIST_US_A_PLATFORM: Final = 60_000

@@ -15,9 +15,9 @@ from starlette.routing import Route, WebSocketRoute
 from starlette.types import ASGIApp, Receive, Scope, Send
 from starlette.websockets import WebSocket, WebSocketDisconnect
 
-from console.picture.differences import difference
-from console.web.access import ACT, LARGEST_BODY, LIVE, PAGE, SESSION, Access, Demand, Refusal
-from console.web.views import PageView, Viewer
+from dyknow.console.picture.differences import difference
+from dyknow.console.web.access import ACT, LARGEST_BODY, LIVE, PAGE, SESSION, Access, Demand, Refusal
+from dyknow.console.web.views import PageView, Viewer
 from dyknow.model.errors import DyknowError
 
 TICK_S: Final = 0.1
@@ -116,7 +116,9 @@ class PageServer:
     async def _file(self, request: Request) -> Response:
         name = request.url.path.lstrip("/") or "page.html"
         kind = _KINDS[name[name.rindex(".") :]]
-        return Response((files("console.web") / "page" / name).read_bytes(), media_type=kind, headers=dict(HEADERS))
+        return Response(
+            (files("dyknow.console.web") / "page" / name).read_bytes(), media_type=kind, headers=dict(HEADERS)
+        )
 
     async def _session(self, request: Request) -> Response:
         given = await _body(request)

@@ -4,7 +4,7 @@ import threading
 from collections.abc import Mapping
 from typing import Any, NamedTuple, Protocol
 
-from console.picture.differences import Sections
+from dyknow.console.picture.differences import Sections
 
 SAMPLE_SIZE, OTHER_SIZE = 300, 1000
 """About how many bytes messages have, by which a platform's share is counted."""
@@ -36,7 +36,7 @@ class Viewer(Protocol):
 
 
 class ShownPicture(Protocol):
-    """A picture: `console.picture.picture`, which is imported when there is a federation to look at."""
+    """A picture: `dyknow.console.picture.picture`, which is imported when there is a federation to look at."""
 
     now_us: int
 

@@ -319,10 +319,12 @@ def did_you_mean(given: str, known: Sequence[str]) -> str:
 def raised(name: str, wrong: Exception) -> str:
     """The exception of a user's code, with its line, as far as that is known."""
     trace = wrong.__traceback__
-    while trace is not None and trace.tb_frame.f_globals.get("__name__", "").partition(".")[0] in _OURS:
+    while trace is not None and _is_ours(trace.tb_frame.f_globals.get("__name__", "")):
         trace = trace.tb_next
     where = "" if trace is None else f" at {trace.tb_frame.f_code.co_filename}:{trace.tb_lineno}"
     return f"{name} raised {wrong!r}{where}"
 
 
-_OURS = frozenset({"dyknow", "agents", "runtime", "kpl", "anchoring", "console"})
+def _is_ours(module: str) -> bool:
+    room, _, of_units = module.partition(".")
+    return room == "dyknow" and of_units.partition(".")[0] not in {"compunits", "sim_uavs"}

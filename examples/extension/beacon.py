@@ -1,13 +1,13 @@
 """A beacon that rings on request, and streams how often it has rung."""
 
-from agents.actions import REQUESTED, Action, Offer, Role
-from agents.part import Part
-from agents.ports import PartRegistry, Ports
 from dyknow import Sample
-from federation.members.offers import Service
-from federation.messages.acts import Act
-from federation.messages.contents import Content
-from federation.messages.descriptions import LabelEntry
+from dyknow.agents.actions import REQUESTED, Action, Offer, Role
+from dyknow.agents.part import Part
+from dyknow.agents.ports import PartRegistry, Ports
+from dyknow.federation.members.offers import Service
+from dyknow.federation.messages.acts import Act
+from dyknow.federation.messages.contents import Content
+from dyknow.federation.messages.descriptions import LabelEntry
 
 RINGS, PERIOD_US = "beacon-rings", 100_000
 LABELS = """

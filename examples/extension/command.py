@@ -4,13 +4,13 @@ from typing import Annotated
 
 import typer
 
-from console.centre.client import connected
-from console.command import Call, command
-from console.output.output import unit_json
+from dyknow.console.centre.client import connected
+from dyknow.console.command import Call, command
+from dyknow.console.output.output import unit_json
+from dyknow.federation.messages.acts import Performative
+from dyknow.federation.messages.contents import Done
+from dyknow.runtime.library.jobs import failure_of
 from examples.extension.beacon import RingBeacon
-from federation.messages.acts import Performative
-from federation.messages.contents import Done
-from runtime.library.jobs import failure_of
 
 
 @command(example="dyknow ring 0 --times 3 --extension examples.extension")

@@ -2,7 +2,7 @@
 
 from pathlib import Path
 
-from anchoring.roads.files.formats import read_roads
-from anchoring.traffic.units import road_units
+from dyknow.anchoring.roads.files.formats import read_roads
+from dyknow.anchoring.traffic.units import road_units
 
 UNITS = road_units(read_roads((Path(__file__).parent / "town.geojson").read_bytes(), "town.geojson"))

@@ -16,16 +16,23 @@ from collections import Counter
 from collections.abc import Callable
 from typing import Final
 
+from dyknow.federation.calls.kept_record import KeptRecord
+from dyknow.federation.calls.proposals import CallEvent, CallNews, Proposal, WantedStream, best
+from dyknow.federation.members.correspondence import Correspondence
+from dyknow.federation.members.directory import DirectoryEntry, DirectoryFacilitator, unit_order
+from dyknow.federation.members.liveness import PeerState
+from dyknow.federation.messages.acts import Act, Performative
+from dyknow.federation.messages.contents import (
+    CallForStream,
+    Content,
+    LeaveProposal,
+    Reason,
+    StreamProposal,
+    TakeProposal,
+)
+from dyknow.federation.messages.contents.parts import LEAST_PERIOD_S
 from dyknow.model.errors import Refused
 from dyknow.model.instants import print_span
-from federation.calls.kept_record import KeptRecord
-from federation.calls.proposals import CallEvent, CallNews, Proposal, WantedStream, best
-from federation.members.correspondence import Correspondence
-from federation.members.directory import DirectoryEntry, DirectoryFacilitator, unit_order
-from federation.members.liveness import PeerState
-from federation.messages.acts import Act, Performative
-from federation.messages.contents import CallForStream, Content, LeaveProposal, Reason, StreamProposal, TakeProposal
-from federation.messages.contents.parts import LEAST_PERIOD_S
 
 P = Performative
 PROPOSE_WITHIN_US: Final = 500_000

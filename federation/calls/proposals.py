@@ -3,8 +3,8 @@
 from collections.abc import Callable, Iterable
 from typing import Literal, NamedTuple, TypeAlias
 
+from dyknow.federation.members.directory import unit_order
 from dyknow.model.instants import print_span
-from federation.members.directory import unit_order
 
 
 class WantedStream(NamedTuple):

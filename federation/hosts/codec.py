@@ -11,14 +11,8 @@ from typing import Any, Final
 
 import msgpack
 
-from dyknow.model.errors import ContentError, DecodeError, DyknowError
-from dyknow.model.labels import Label
-from dyknow.model.sample import SURE, Quality, Sample, Value
-from dyknow.model.values import NO_VALUE
-from dyknow.policies.policy import Policy
-from dyknow.policies.sampling import Grid
-from federation.hosts import messages
-from federation.messages.unpacking import (
+from dyknow.federation.hosts import messages
+from dyknow.federation.messages.unpacking import (
     MAX_BYTES,
     VERSION,
     Check,
@@ -33,6 +27,12 @@ from federation.messages.unpacking import (
     sampled,
     unpack,
 )
+from dyknow.model.errors import ContentError, DecodeError, DyknowError
+from dyknow.model.labels import Label
+from dyknow.model.sample import SURE, Quality, Sample, Value
+from dyknow.model.values import NO_VALUE
+from dyknow.policies.policy import Policy
+from dyknow.policies.sampling import Grid
 
 MAX_TEXT: Final = 300
 MAX_INPUTS: Final = 64

@@ -13,9 +13,9 @@ from collections import deque
 from collections.abc import Iterator
 from typing import Any, Final, NamedTuple, TypeAlias
 
+from dyknow.federation.messages.unpacking import MAX_BYTES
 from dyknow.model.sample import Sample
 from dyknow.policies.sampling import Grid
-from federation.messages.unpacking import MAX_BYTES
 
 WINDOW: Final = 512
 """Inputs of one process that are under way."""

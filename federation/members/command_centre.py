@@ -6,22 +6,22 @@ from dataclasses import dataclass
 from functools import partial
 from typing import Protocol, TypeAlias
 
+from dyknow.federation import keys
+from dyknow.federation.members.clock import FederationClock
+from dyknow.federation.members.correspondence import FOREIGN, REPLY_WITHIN_US, Direction
+from dyknow.federation.members.directory import DirectoryEntry, DirectoryEvent, unit_order
+from dyknow.federation.members.imports import ImportName
+from dyknow.federation.members.liveness import PeerState
+from dyknow.federation.members.member import Member
+from dyknow.federation.members.participants import Participants
+from dyknow.federation.messages.acts import Act, Performative
+from dyknow.federation.messages.codec import StreamSample
+from dyknow.federation.messages.contents import Content, EndStream, Progress, Reason, Stream, TaskOver, read
+from dyknow.federation.messages.dialogue import Dialogue
+from dyknow.federation.messages.protocols import OPENING
+from dyknow.federation.security.trust import Trust
+from dyknow.federation.transport import TokenChanged, WireEffect, WireEvent
 from dyknow.model.errors import ContentError
-from federation import keys
-from federation.members.clock import FederationClock
-from federation.members.correspondence import FOREIGN, REPLY_WITHIN_US, Direction
-from federation.members.directory import DirectoryEntry, DirectoryEvent, unit_order
-from federation.members.imports import ImportName
-from federation.members.liveness import PeerState
-from federation.members.member import Member
-from federation.members.participants import Participants
-from federation.messages.acts import Act, Performative
-from federation.messages.codec import StreamSample
-from federation.messages.contents import Content, EndStream, Progress, Reason, Stream, TaskOver, read
-from federation.messages.dialogue import Dialogue
-from federation.messages.protocols import OPENING
-from federation.security.trust import Trust
-from federation.transport import TokenChanged, WireEffect, WireEvent
 
 STANDING = 256
 """Conversations whose later news are taken: a task outlives its delegate."""

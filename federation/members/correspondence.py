@@ -7,14 +7,13 @@ from collections.abc import Callable, Iterable
 from dataclasses import dataclass
 from typing import Literal, Protocol, TypeAlias
 
-from dyknow.model.errors import ContentError, DecodeError, Refused
-from federation import keys
-from federation.messages import contents
-from federation.messages.acts import Act, AgentName, Performative
-from federation.messages.codec import decode_act, encode_act
-from federation.messages.conversations import Conversations, Outcome
-from federation.messages.dialogue import is_paged
-from federation.messages.protocols import (
+from dyknow.federation import keys
+from dyknow.federation.messages import contents
+from dyknow.federation.messages.acts import Act, AgentName, Performative
+from dyknow.federation.messages.codec import decode_act, encode_act
+from dyknow.federation.messages.conversations import Conversations, Outcome
+from dyknow.federation.messages.dialogue import is_paged
+from dyknow.federation.messages.protocols import (
     OPENING,
     PROTOCOLS,
     Foreign,
@@ -25,7 +24,7 @@ from federation.messages.protocols import (
     Unanswered,
     Undelivered,
 )
-from federation.messages.receipts import (
+from dyknow.federation.messages.receipts import (
     RECEIPT_AGENT,
     Receipt,
     decode_receipt,
@@ -34,9 +33,10 @@ from federation.messages.receipts import (
     encode_signed,
     signed_bytes,
 )
-from federation.security.trust import Trust
-from federation.shares import own_share
-from federation.transport import Arrived, Put
+from dyknow.federation.security.trust import Trust
+from dyknow.federation.shares import own_share
+from dyknow.federation.transport import Arrived, Put
+from dyknow.model.errors import ContentError, DecodeError, Refused
 
 P = Performative
 INTERFACE = "interface"

@@ -29,7 +29,7 @@ from collections.abc import Collection, Mapping, Sequence
 from typing import NamedTuple, TypeVar
 from zlib import crc32
 
-from federation.members.liveness import PLATFORMS, SUSPECT_US, Peer
+from dyknow.federation.members.liveness import PLATFORMS, SUSPECT_US, Peer
 
 Noted = TypeVar("Noted", str, tuple[str, str])
 

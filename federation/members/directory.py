@@ -10,15 +10,21 @@ from collections.abc import Callable, Iterable, Iterator, Mapping, Sequence
 from itertools import count
 from typing import Literal, NamedTuple, TypeAlias
 
+from dyknow.federation import keys, transport
+from dyknow.federation.members.clock import FederationClock
+from dyknow.federation.members.deafness import Contradicted, DeafnessWatchdog
+from dyknow.federation.members.liveness import Liveness, LivenessEvent, Peer, PeerState, PlatformAppeared, PlatformGone
+from dyknow.federation.members.offers import NO_OFFERS, OfferEvent, Offers, Service, changes
+from dyknow.federation.members.replicas import PlatformRefused, Replica, Replicas
+from dyknow.federation.messages.codec import Heartbeat, encode_description, encode_heartbeat
+from dyknow.federation.messages.descriptions import (
+    ConditionEntry,
+    DefinitionEntry,
+    Description,
+    LabelEntry,
+    ServiceEntry,
+)
 from dyknow.model.semantic_labels import SemanticLabel
-from federation import keys, transport
-from federation.members.clock import FederationClock
-from federation.members.deafness import Contradicted, DeafnessWatchdog
-from federation.members.liveness import Liveness, LivenessEvent, Peer, PeerState, PlatformAppeared, PlatformGone
-from federation.members.offers import NO_OFFERS, OfferEvent, Offers, Service, changes
-from federation.members.replicas import PlatformRefused, Replica, Replicas
-from federation.messages.codec import Heartbeat, encode_description, encode_heartbeat
-from federation.messages.descriptions import ConditionEntry, DefinitionEntry, Description, LabelEntry, ServiceEntry
 
 HEARTBEAT_US, SLOWEST_BEAT_US = 200_000, 500_000
 PER_MEMBER_US = 25_000

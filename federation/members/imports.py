@@ -7,11 +7,11 @@ from collections.abc import Callable, Iterator, Sequence
 from dataclasses import dataclass
 from typing import TypeAlias
 
-from federation import keys
-from federation.members.deadlines import Deadlines
-from federation.messages.codec import StreamSample, decode_recovered, decode_samples
-from federation.sharing.streams import ImportStream
-from federation.transport import Answered, Arrived, Ask, AskEnded, Subscribe, Unsubscribe
+from dyknow.federation import keys
+from dyknow.federation.members.deadlines import Deadlines
+from dyknow.federation.messages.codec import StreamSample, decode_recovered, decode_samples
+from dyknow.federation.sharing.streams import ImportStream
+from dyknow.federation.transport import Answered, Arrived, Ask, AskEnded, Subscribe, Unsubscribe
 
 ImportName: TypeAlias = tuple[str, str, str]
 """Owner, semantic label and policy hash."""

@@ -14,7 +14,7 @@ from collections.abc import Callable, Sequence
 from enum import Enum, StrEnum
 from typing import NamedTuple, TypeAlias
 
-from federation.messages.codec import Heartbeat
+from dyknow.federation.messages.codec import Heartbeat
 
 SUSPECT_US = 1_000_000
 GONE_US = 2_500_000

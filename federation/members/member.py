@@ -11,19 +11,19 @@ from functools import partial
 from itertools import count
 from typing import Protocol
 
+from dyknow.federation import keys, transport
+from dyknow.federation.members.clock import FederationClock
+from dyknow.federation.members.correspondence import ActAgents, Audit, Correspondence
+from dyknow.federation.members.directory import DirectoryEvent, DirectoryFacilitator, Kind, Tails
+from dyknow.federation.members.directory import Outcome as DirectoryOutcome
+from dyknow.federation.members.imports import ImportName, Imports, Take
+from dyknow.federation.members.liveness import PlatformAppeared, PlatformGone, PlatformReturned
+from dyknow.federation.members.offsets import ClockOffsets
+from dyknow.federation.messages.acts import Performative
+from dyknow.federation.messages.codec import Heartbeat, decode_description, decode_heartbeat
+from dyknow.federation.messages.newest import Newest
+from dyknow.federation.security.trust import Roster, Trust
 from dyknow.model.errors import DecodeError, RosterError
-from federation import keys, transport
-from federation.members.clock import FederationClock
-from federation.members.correspondence import ActAgents, Audit, Correspondence
-from federation.members.directory import DirectoryEvent, DirectoryFacilitator, Kind, Tails
-from federation.members.directory import Outcome as DirectoryOutcome
-from federation.members.imports import ImportName, Imports, Take
-from federation.members.liveness import PlatformAppeared, PlatformGone, PlatformReturned
-from federation.members.offsets import ClockOffsets
-from federation.messages.acts import Performative
-from federation.messages.codec import Heartbeat, decode_description, decode_heartbeat
-from federation.messages.newest import Newest
-from federation.security.trust import Roster, Trust
 
 P = Performative
 DUPLICATE_US = 1_000_000

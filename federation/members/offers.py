@@ -4,8 +4,8 @@ from collections.abc import Iterator, Mapping
 from enum import StrEnum
 from typing import NamedTuple, TypeAlias
 
+from dyknow.federation.messages.descriptions import LabelEntry
 from dyknow.model.semantic_labels import SemanticLabel
-from federation.messages.descriptions import LabelEntry
 
 
 class Visibility(StrEnum):

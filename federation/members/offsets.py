@@ -3,12 +3,12 @@
 from collections.abc import Iterator, Mapping
 from typing import NamedTuple
 
+from dyknow.federation import keys
+from dyknow.federation.members.clock import PING_TIMEOUT_US, TOGETHER_US, Offset, OffsetEstimator, Standing
+from dyknow.federation.members.deadlines import Deadlines
+from dyknow.federation.messages.codec import Ping, Pong, decode_ping, decode_pong, encode_ping, encode_pong
+from dyknow.federation.transport import Answer, Answered, AnswerEnd, Ask, Asked, AskEnded
 from dyknow.model.errors import DecodeError
-from federation import keys
-from federation.members.clock import PING_TIMEOUT_US, TOGETHER_US, Offset, OffsetEstimator, Standing
-from federation.members.deadlines import Deadlines
-from federation.messages.codec import Ping, Pong, decode_ping, decode_pong, encode_ping, encode_pong
-from federation.transport import Answer, Answered, AnswerEnd, Ask, Asked, AskEnded
 
 ABSENT = 512
 SETTLE_US, SETTLE_PER_PEER_US = 100_000, 20_000

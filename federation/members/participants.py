@@ -7,7 +7,7 @@ other request is between two.
 from collections.abc import Callable
 from typing import Final
 
-from federation.messages.contents import Content, DivideArea, FlyMission, MonitorProximity, PermitMission, When
+from dyknow.federation.messages.contents import Content, DivideArea, FlyMission, MonitorProximity, PermitMission, When
 
 MOST: Final = 64
 """Missions whose permits are known."""

@@ -4,16 +4,16 @@ from collections import Counter
 from collections.abc import Iterator, Mapping
 from typing import NamedTuple
 
+from dyknow.federation import keys
+from dyknow.federation.members.clock import FederationClock
+from dyknow.federation.members.deadlines import Deadlines
+from dyknow.federation.members.liveness import Peer, PeerState
+from dyknow.federation.members.offers import NO_OFFERS, Offers, Service, Visibility
+from dyknow.federation.messages.codec import decode_description
+from dyknow.federation.messages.descriptions import Description
+from dyknow.federation.messages.newest import Newest
+from dyknow.federation.transport import Answered, Ask, AskEnded
 from dyknow.model.errors import DecodeError
-from federation import keys
-from federation.members.clock import FederationClock
-from federation.members.deadlines import Deadlines
-from federation.members.liveness import Peer, PeerState
-from federation.members.offers import NO_OFFERS, Offers, Service, Visibility
-from federation.messages.codec import decode_description
-from federation.messages.descriptions import Description
-from federation.messages.newest import Newest
-from federation.transport import Answered, Ask, AskEnded
 
 CONFIRM_US = 10_000_000
 UNASKED_US = 300_000

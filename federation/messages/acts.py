@@ -7,9 +7,9 @@ from enum import StrEnum
 from functools import lru_cache
 from typing import Any, Final, NamedTuple
 
+from dyknow.federation import keys
+from dyknow.federation.messages.sexpr import Expr, ExprReader, ExprValue, QuotedText, print_value
 from dyknow.model.errors import NameRefused, TextError
-from federation import keys
-from federation.messages.sexpr import Expr, ExprReader, ExprValue, QuotedText, print_value
 
 
 class Performative(StrEnum):

@@ -5,9 +5,9 @@ Both change rarely: a list equal to the last one of the same unit is the same ob
 
 from typing import Any, Final, TypeAlias
 
-from federation import keys
-from federation.messages import unpacking
-from federation.messages.newest import Newest
+from dyknow.federation import keys
+from dyknow.federation.messages import unpacking
+from dyknow.federation.messages.newest import Newest
 
 MAX_TAILS: Final = 64
 """Streams whose newest numbers one heartbeat names; a platform that exports more names them in turn."""

@@ -1,9 +1,10 @@
 """Bytes <-> messages. The only way in is strict: a message that decodes is well formed, and there is no other error
 than DecodeError.
 
-Every message is a msgpack array that begins with its version. Values from `federation.messages.unpacking` are checked
-field by field: names, finite numbers of 64 bits, nesting of at most 16. Acts and samples are checked by hand, which is
-several times faster than a general validator; the tests compare with a schema that was written apart from this.
+Every message is a msgpack array that begins with its version. Values from `dyknow.federation.messages.unpacking` are
+checked field by field: names, finite numbers of 64 bits, nesting of at most 16. Acts and samples are checked by hand,
+which is several times faster than a general validator; the tests compare with a schema that was written apart from
+this.
 
 A content travels as: expression = map with the head under the empty key, record = map, sequence = array, symbol = str,
 quoted text = bin, `no_value` = nil.
@@ -16,17 +17,17 @@ from typing import Any, NamedTuple, TypeAlias
 
 from pydantic import ValidationError
 
+from dyknow.federation import keys
+from dyknow.federation.messages import unpacking
+from dyknow.federation.messages.acts import PERFORMATIVES, Act, AgentName
+from dyknow.federation.messages.beats import MAX_BEAT, heard_of, tails_of
+from dyknow.federation.messages.descriptions import Description
+from dyknow.federation.messages.sexpr import MAX_COUNT, MAX_DEPTH, Expr, ExprValue, QuotedText, is_name
+from dyknow.federation.messages.unpacking import named, pack
 from dyknow.model.errors import ContentError, DecodeError, NameRefused
 from dyknow.model.instants import LATEST_US
 from dyknow.model.sample import SURE, Quality, Value
 from dyknow.model.values import NO_VALUE
-from federation import keys
-from federation.messages import unpacking
-from federation.messages.acts import PERFORMATIVES, Act, AgentName
-from federation.messages.beats import MAX_BEAT, heard_of, tails_of
-from federation.messages.descriptions import Description
-from federation.messages.sexpr import MAX_COUNT, MAX_DEPTH, Expr, ExprValue, QuotedText, is_name
-from federation.messages.unpacking import named, pack
 
 MAX_ACKS, MAX_RIDERS, MAX_EVERY = 256, 16, 16
 SHORT = 8192

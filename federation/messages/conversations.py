@@ -12,19 +12,19 @@ from collections.abc import Callable
 from typing import TypeAlias, TypeVar
 
 from dyknow import earlier
+from dyknow.federation import keys
+from dyknow.federation.messages import protocols
+from dyknow.federation.messages.acts import Act, AgentName, Performative
+from dyknow.federation.messages.codec import encode_act
+from dyknow.federation.messages.contents import Progress
+from dyknow.federation.messages.delivery import Delivery
+from dyknow.federation.messages.ends import GIVEN_UP, LOST, cancel_of
+from dyknow.federation.messages.receipts import Receipt, encode_receipt
+from dyknow.federation.messages.refusals import Refusals
+from dyknow.federation.messages.sexpr import Expr, QuotedText
+from dyknow.federation.shares import MemberShare, own_share
+from dyknow.federation.transport import Put
 from dyknow.model.errors import Refused
-from federation import keys
-from federation.messages import protocols
-from federation.messages.acts import Act, AgentName, Performative
-from federation.messages.codec import encode_act
-from federation.messages.contents import Progress
-from federation.messages.delivery import Delivery
-from federation.messages.ends import GIVEN_UP, LOST, cancel_of
-from federation.messages.receipts import Receipt, encode_receipt
-from federation.messages.refusals import Refusals
-from federation.messages.sexpr import Expr, QuotedText
-from federation.shares import MemberShare, own_share
-from federation.transport import Put
 
 P = Performative
 REPLY_BY_US = 2_000_000

@@ -11,13 +11,13 @@ from collections import Counter
 from collections.abc import Callable, Iterable
 from dataclasses import dataclass
 
+from dyknow.federation import keys
+from dyknow.federation.messages.acts import Act
+from dyknow.federation.messages.codec import MAX_ACKS
+from dyknow.federation.messages.receipts import Receipt, encode_receipt, receipt_key
+from dyknow.federation.messages.round_trip import LEAST_US, RoundTrip
+from dyknow.federation.transport import Put, Urgency
 from dyknow.model.errors import ContentError
-from federation import keys
-from federation.messages.acts import Act
-from federation.messages.codec import MAX_ACKS
-from federation.messages.receipts import Receipt, encode_receipt, receipt_key
-from federation.messages.round_trip import LEAST_US, RoundTrip
-from federation.transport import Put, Urgency
 
 RETRANSMISSIONS = 3
 SLOW_US = 1_000_000

@@ -12,14 +12,14 @@ from pydantic import (
     model_validator,
 )
 
+from dyknow.federation import keys
+from dyknow.federation.messages.sexpr import MAX_COUNT
 from dyknow.model.errors import NameRefused
 from dyknow.model.instants import LATEST_US
 from dyknow.model.semantic_labels import MAX_FIELDS, MAX_MEANING, definition_errors
 from dyknow.model.semantic_labels import SemanticLabel as Definition
 from dyknow.model.values import Field as SortField
 from dyknow.model.values import Sort
-from federation import keys
-from federation.messages.sexpr import MAX_COUNT
 
 MAX_DEFINITIONS: Final = 128
 MAX_CONDITIONS: Final = 16

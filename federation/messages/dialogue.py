@@ -2,9 +2,9 @@
 
 from dataclasses import dataclass, field
 
-from federation.messages import contents
-from federation.messages.acts import Act, Performative
-from federation.messages.contents import Content, Reason
+from dyknow.federation.messages import contents
+from dyknow.federation.messages.acts import Act, Performative
+from dyknow.federation.messages.contents import Content, Reason
 
 P = Performative
 DECLINED = frozenset({P.REFUSE, P.FAILURE, P.NOT_UNDERSTOOD})

@@ -1,7 +1,7 @@
 """Cancels by events, not by users: the loss of a peer, or a missing answer."""
 
-from federation.messages.acts import Act, Performative
-from federation.messages.sexpr import Expr
+from dyknow.federation.messages.acts import Act, Performative
+from dyknow.federation.messages.sexpr import Expr
 
 LOST = Expr("cancel", {"because": "lost"})
 """The content of a cancel that follows from the loss of a peer."""

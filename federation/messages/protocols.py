@@ -4,7 +4,7 @@ from dataclasses import dataclass
 from enum import Enum
 from typing import NamedTuple, TypeAlias
 
-from federation.messages.acts import Act, Performative
+from dyknow.federation.messages.acts import Act, Performative
 
 P = Performative
 

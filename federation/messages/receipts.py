@@ -7,9 +7,9 @@ forged one would end the repetition of an act that never arrived.
 from collections.abc import Callable, Sequence
 from typing import Final, NamedTuple, TypeAlias
 
-from federation import keys
-from federation.messages.codec import MAX_ACKS
-from federation.messages.unpacking import codec, count, fail, fields, many, pack, unpack
+from dyknow.federation import keys
+from dyknow.federation.messages.codec import MAX_ACKS
+from dyknow.federation.messages.unpacking import codec, count, fail, fields, many, pack, unpack
 
 RECEIPT_AGENT: Final = "receipt"
 """The agent chunk of the act key on which receipts travel."""

@@ -8,7 +8,7 @@ from dataclasses import dataclass
 from typing import Final, NamedTuple
 
 from dyknow import earlier
-from federation.shares import ActLimits, MemberShare
+from dyknow.federation.shares import ActLimits, MemberShare
 
 REFUSALS_PER_S, REFUSALS_BURST = 20.0, 64.0
 """Not less than the acts that are let in: each of those may be refused in words."""

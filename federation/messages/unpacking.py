@@ -10,11 +10,11 @@ from typing import Any, Final, NoReturn, TypeAlias, TypeVar
 
 import msgpack
 
+from dyknow.federation.messages.sexpr import MAX_COUNT, MAX_INTEGER, MIN_INTEGER
 from dyknow.model.errors import DecodeError, NameRefused
 from dyknow.model.instants import LATEST_US
 from dyknow.model.sample import MAX_BRANCH, Predicted, Quality, Value
 from dyknow.model.values import LARGEST, NO_VALUE, NoValue
-from federation.messages.sexpr import MAX_COUNT, MAX_INTEGER, MIN_INTEGER
 
 VERSION: Final = 1
 MAX_BYTES: Final = 65_536

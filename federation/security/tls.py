@@ -1,9 +1,10 @@
 """Mutual TLS and access control: the part of Zenoh's configuration that a roster decides, and its certificates.
 
 Access control is by certificate: the common name is the unit, and the unit stands at a fixed place of every key
-(`federation.keys`), so no platform speaks, streams or lives under another's name. A certificate of a member that comes
-back has a number after the unit. Zenoh reads the rules when a session is opened: they hold for the next certificates of
-every member, too, and which of them is admitted is decided link by link (`proxies.zenoh.link_gate`).
+(`dyknow.federation.keys`), so no platform speaks, streams or lives under another's name. A certificate of a member that
+comes back has a number after the unit. Zenoh reads the rules when a session is opened: they hold for the next
+certificates of every member, too, and which of them is admitted is decided link by link
+(`dyknow.proxies.zenoh.link_gate`).
 """
 
 from collections.abc import Mapping
@@ -12,11 +13,11 @@ from hashlib import sha256
 from ipaddress import ip_address
 from typing import TYPE_CHECKING, Any, Final, NamedTuple
 
+from dyknow.federation import keys
+from dyknow.federation.messages.unpacking import MAX_BYTES
+from dyknow.federation.security.trust import Role, Roster, RosterMember, common_name
 from dyknow.model.errors import RosterError
 from dyknow.model.instants import US_PER_S
-from federation import keys
-from federation.messages.unpacking import MAX_BYTES
-from federation.security.trust import Role, Roster, RosterMember, common_name
 
 if TYPE_CHECKING:
     from cryptography import x509

@@ -13,11 +13,11 @@ from hashlib import sha256
 from typing import TYPE_CHECKING, Any, Final, Literal, TypeAlias
 
 from dyknow.documents.toml_texts import tables_of
+from dyknow.federation import keys
+from dyknow.federation.messages.acts import Act
+from dyknow.federation.messages.codec import Signature
+from dyknow.federation.shares import COMMANDING, MemberShare
 from dyknow.model.errors import NameRefused, RosterError
-from federation import keys
-from federation.messages.acts import Act
-from federation.messages.codec import Signature
-from federation.shares import COMMANDING, MemberShare
 
 if TYPE_CHECKING:
     from cryptography.hazmat.primitives.asymmetric.ed25519 import Ed25519PublicKey

@@ -6,12 +6,12 @@ from dataclasses import dataclass, field
 from enum import StrEnum
 from typing import NamedTuple, TypeAlias
 
+from dyknow.federation.messages.beats import MAX_TAILS
+from dyknow.federation.messages.codec import Recovered, decode_range, encode_recovered
+from dyknow.federation.sharing.streams import RING, ExportStream
+from dyknow.federation.transport import Answer, AnswerEnd, Asked
 from dyknow.model.errors import DecodeError, Refused
 from dyknow.policies.policy import Policy
-from federation.messages.beats import MAX_TAILS
-from federation.messages.codec import Recovered, decode_range, encode_recovered
-from federation.sharing.streams import RING, ExportStream
-from federation.transport import Answer, AnswerEnd, Asked
 
 STREAMS = 256
 LINGER_US = 30_000_000

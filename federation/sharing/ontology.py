@@ -11,10 +11,10 @@ from typing import Final
 from dyknow.documents.documents import toml_document
 from dyknow.documents.places import toml_lines
 from dyknow.documents.tables import DocumentTable
+from dyknow.federation.messages.descriptions import MAX_DEFINITIONS, LabelEntry
 from dyknow.model.errors import Refused, UnknownLabel
 from dyknow.model.semantic_labels import BUILT_IN, SemanticLabel, definition_errors
 from dyknow.model.values import Field, Sort
-from federation.messages.descriptions import MAX_DEFINITIONS, LabelEntry
 
 MAX_FILE: Final = 128 * 1024
 """Characters of an ontology file."""
@@ -130,7 +130,7 @@ class Ontology:
 @cache
 def default_ontology() -> Ontology:
     """The labels of ontology.toml, which comes with this package. All share it: `copy` it to add labels."""
-    text = files("federation.sharing").joinpath("ontology.toml").read_text("utf-8")
+    text = files("dyknow.federation.sharing").joinpath("ontology.toml").read_text("utf-8")
     return Ontology()._with(text, "ontology.toml", BUILT_IN)  # noqa: SLF001  (its own)
 
 

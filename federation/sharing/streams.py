@@ -10,11 +10,11 @@ from collections import deque
 from collections.abc import Iterable, Iterator, Sequence
 from dataclasses import dataclass
 
+from dyknow.federation import keys
+from dyknow.federation.messages import codec
+from dyknow.federation.messages.unpacking import packer
+from dyknow.federation.transport import Ask, Put, Urgency
 from dyknow.model.sample import Sample
-from federation import keys
-from federation.messages import codec
-from federation.messages.unpacking import packer
-from federation.transport import Ask, Put, Urgency
 
 RING = 600
 """Samples an export keeps for recovery: 10 Hz through an outage of a minute."""

@@ -5,14 +5,14 @@ from dataclasses import dataclass
 from typing import Any
 
 from dyknow.documents.documents import toml_document
+from dyknow.federation import keys
+from dyknow.federation.sharing.ontology import EXAMPLE, Ontology
 from dyknow.model.errors import DyknowError, did_you_mean
 from dyknow.model.labels import Label
 from dyknow.model.sample import Quality, Sample, Value
 from dyknow.model.semantic_labels import SemanticLabel
 from dyknow.model.values import NO_VALUE, Field, NoValue, Sort
 from dyknow.network.generator import Consumer
-from federation import keys
-from federation.sharing.ontology import EXAMPLE, Ontology
 
 # unit: (dimension, factor to the first unit of the dimension, offset)
 _UNITS: Mapping[str, tuple[str, float, float]] = {

@@ -3,12 +3,12 @@
 from collections.abc import Mapping
 from fractions import Fraction
 
+from dyknow.kpl.checking.symbols import Constant
+from dyknow.kpl.diagnostics.collector import nearest
+from dyknow.kpl.syntax.printing import print_formula
 from dyknow.model.errors import TextError
 from dyknow.model.instants import MAX_DURATION_US, US_PER_MS
-from kpl.checking.symbols import Constant
-from kpl.diagnostics.collector import nearest
-from kpl.syntax.printing import print_formula
-from reasoning.formulas import tree
+from dyknow.reasoning.formulas import tree
 
 _INTERVAL = "[0, 5s]"
 

@@ -5,12 +5,12 @@ from dataclasses import fields, replace
 from functools import cached_property
 from typing import Any
 
+from dyknow.kpl.checking.domains import over_objects
+from dyknow.kpl.checking.formulas import Vocabulary, check
+from dyknow.kpl.checking.symbols import DEFINITION, Constant, SymbolTable, constant_of
+from dyknow.kpl.syntax.specification import Define, MonitorDeclaration
 from dyknow.model.errors import TextError, file_of
-from kpl.checking.domains import over_objects
-from kpl.checking.formulas import Vocabulary, check
-from kpl.checking.symbols import DEFINITION, Constant, SymbolTable, constant_of
-from kpl.syntax.specification import Define, MonitorDeclaration
-from reasoning.formulas import tree
+from dyknow.reasoning.formulas import tree
 
 LIMIT_EXPANDED = 2 * tree.LIMIT_NODES
 """Limit of the nodes of all formulas of a specification together, with their definitions expanded."""

@@ -7,12 +7,12 @@ grows by itself.
 from dataclasses import fields, replace
 from typing import Any
 
+from dyknow.kpl.checking.needs import domains_of
+from dyknow.kpl.checking.streams import Streams
+from dyknow.kpl.checking.symbols import SymbolTable
 from dyknow.model.labels import Label
 from dyknow.objects.object_streams import OBJECTS, domain_of
-from kpl.checking.needs import domains_of
-from kpl.checking.streams import Streams
-from kpl.checking.symbols import SymbolTable
-from reasoning.formulas import tree
+from dyknow.reasoning.formulas import tree
 
 
 def members_label(label: Label, symbols: SymbolTable) -> Label:

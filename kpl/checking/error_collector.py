@@ -2,11 +2,11 @@
 
 from collections.abc import Iterable
 
+from dyknow.kpl.diagnostics.collector import ErrorCollector, nearest
+from dyknow.kpl.syntax.listing import print_declaration
+from dyknow.kpl.syntax.specification import Declaration
 from dyknow.model.errors import TextError, Unmade
-from kpl.diagnostics.collector import ErrorCollector, nearest
-from kpl.syntax.listing import print_declaration
-from kpl.syntax.specification import Declaration
-from reasoning.formulas.tree import Node
+from dyknow.reasoning.formulas.tree import Node
 
 LONGEST_NAME = 64
 LONGEST_MESSAGE = 300

@@ -10,13 +10,13 @@ from collections.abc import Collection, Mapping
 from dataclasses import dataclass, field, replace
 from typing import Final, Literal, TypeAlias
 
+from dyknow.kpl.checking.bounds import bound_us
+from dyknow.kpl.checking.symbols import Constant
+from dyknow.kpl.diagnostics.collector import ErrorCollector, nearest
+from dyknow.kpl.syntax.numbers import number_time_us
+from dyknow.kpl.syntax.parsing import raise_all, read_tree
 from dyknow.model.errors import TextError, file_of
-from kpl.checking.bounds import bound_us
-from kpl.checking.symbols import Constant
-from kpl.diagnostics.collector import ErrorCollector, nearest
-from kpl.syntax.numbers import number_time_us
-from kpl.syntax.parsing import raise_all, read_tree
-from reasoning.formulas import tree
+from dyknow.reasoning.formulas import tree
 
 Sort: TypeAlias = Literal["boolean", "number", "duration", "object", "record", "any"]
 _MEASURED: Final = ("number", "duration", "any")

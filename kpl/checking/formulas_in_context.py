@@ -7,22 +7,22 @@ come later. Values of unknown sorts are unchecked.
 
 from typing import Final
 
+from dyknow.kpl.checking.definitions import Definitions
+from dyknow.kpl.checking.error_collector import DeclarationErrors
+from dyknow.kpl.checking.formulas import Checker, Sort, Vocabulary
+from dyknow.kpl.checking.needs import label_of
+from dyknow.kpl.checking.streams import Streams
+from dyknow.kpl.checking.symbols import MARGIN, MONITOR, OF_A_PLATFORM, SELF
+from dyknow.kpl.diagnostics.collector import nearest
+from dyknow.kpl.syntax.specification import Define, MonitorDeclaration
 from dyknow.model import values
 from dyknow.model.errors import TextError
 from dyknow.model.labels import Label
 from dyknow.objects.object_streams import OBJECTS, attribute_of
-from kpl.checking.definitions import Definitions
-from kpl.checking.error_collector import DeclarationErrors
-from kpl.checking.formulas import Checker, Sort, Vocabulary
-from kpl.checking.needs import label_of
-from kpl.checking.streams import Streams
-from kpl.checking.symbols import MARGIN, MONITOR, OF_A_PLATFORM, SELF
-from kpl.diagnostics.collector import nearest
-from kpl.syntax.specification import Define, MonitorDeclaration
-from reasoning.features.derivation import FEATURES
-from reasoning.features.objects import lacks
-from reasoning.formulas import tree
-from reasoning.monitoring.margins import check_windows
+from dyknow.reasoning.features.derivation import FEATURES
+from dyknow.reasoning.features.objects import lacks
+from dyknow.reasoning.formulas import tree
+from dyknow.reasoning.monitoring.margins import check_windows
 
 TRUTHS: Final = (*tree.TEMPORAL, tree.Compare, tree.Not, tree.And, tree.Or, tree.Implies, tree.Forall, tree.Exists)
 OF_UNITS: Final[dict[str, Sort]] = {"bool": "boolean", "text": "object"}

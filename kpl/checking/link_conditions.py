@@ -7,23 +7,23 @@ object in it; what else a condition names are streams, events and domains as in 
 from collections.abc import Iterable, Iterator, Mapping
 from typing import Final
 
-from anchoring.links.composites import COUNT, PARTS
-from anchoring.links.deciding.context import STATE_FEATURES
-from anchoring.links.specification import DISTANCES, FROM, THRESHOLD, TO
-from anchoring.percepts.records import ANCHORED, ROAD_FIELDS
+from dyknow.anchoring.links.composites import COUNT, PARTS
+from dyknow.anchoring.links.deciding.context import STATE_FEATURES
+from dyknow.anchoring.links.specification import DISTANCES, FROM, THRESHOLD, TO
+from dyknow.anchoring.percepts.records import ANCHORED, ROAD_FIELDS
+from dyknow.kpl.checking.error_collector import DeclarationErrors
+from dyknow.kpl.checking.formulas import Sort
+from dyknow.kpl.checking.formulas_in_context import OF_UNITS, FormulaChecker
+from dyknow.kpl.checking.needs import conditions_of, label_of
+from dyknow.kpl.checking.streams import Streams
+from dyknow.kpl.checking.symbols import CHRONICLE, LINK_UNITS, SELF, recognises, stem
+from dyknow.kpl.diagnostics.collector import nearest
+from dyknow.kpl.syntax import specification as spec
 from dyknow.model.labels import Label
 from dyknow.model.values import END, SYMBOL
-from kpl.checking.error_collector import DeclarationErrors
-from kpl.checking.formulas import Sort
-from kpl.checking.formulas_in_context import OF_UNITS, FormulaChecker
-from kpl.checking.needs import conditions_of, label_of
-from kpl.checking.streams import Streams
-from kpl.checking.symbols import CHRONICLE, LINK_UNITS, SELF, recognises, stem
-from kpl.diagnostics.collector import nearest
-from kpl.syntax import specification as spec
-from reasoning.features.derivation import FEATURES
-from reasoning.features.objects import lacks
-from reasoning.formulas import tree
+from dyknow.reasoning.features.derivation import FEATURES
+from dyknow.reasoning.features.objects import lacks
+from dyknow.reasoning.formulas import tree
 
 ON_ROADS: Final = "on_road"
 _ENDS: Final = frozenset({FROM, TO})

@@ -8,10 +8,10 @@ from collections.abc import Callable, Iterator
 from dataclasses import replace
 from typing import Any, Final, NamedTuple
 
-from anchoring.links.specification import FROM
-from kpl.syntax import specification as spec
-from kpl.syntax.printing import print_formula
-from reasoning.formulas import tree
+from dyknow.anchoring.links.specification import FROM
+from dyknow.kpl.syntax import specification as spec
+from dyknow.kpl.syntax.printing import print_formula
+from dyknow.reasoning.formulas import tree
 
 SETTLES_US: Final = 500_000
 """The time for a value to come back, as the repair suggests it; users choose it for their sensor."""

@@ -3,9 +3,9 @@
 from collections.abc import Iterator
 from typing import Final, NamedTuple
 
+from dyknow.kpl.syntax import specification as spec
 from dyknow.model.labels import Label
-from kpl.syntax import specification as spec
-from reasoning.formulas import tree
+from dyknow.reasoning.formulas import tree
 
 NOTHING: Final = frozenset[str]()
 

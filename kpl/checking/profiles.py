@@ -3,13 +3,13 @@
 from collections.abc import Mapping
 from dataclasses import replace
 
+from dyknow.kpl.checking.formulas import FeatureType, Vocabulary, read_formula
+from dyknow.kpl.checking.symbols import Constant
 from dyknow.model.errors import SourceText
 from dyknow.model.instants import parse_duration
-from kpl.checking.formulas import FeatureType, Vocabulary, read_formula
-from kpl.checking.symbols import Constant
-from reasoning.features.derivation import FEATURES
-from reasoning.formulas.tree import Duration, Formula
-from reasoning.monitoring.profiles import AIRCRAFT, Profile, Threshold
+from dyknow.reasoning.features.derivation import FEATURES
+from dyknow.reasoning.formulas.tree import Duration, Formula
+from dyknow.reasoning.monitoring.profiles import AIRCRAFT, Profile, Threshold
 
 
 def unit_vocabulary(unit: str, constants: Mapping[str, Constant] | None = None) -> Vocabulary:

@@ -9,20 +9,20 @@ from dataclasses import replace
 from functools import cached_property
 from typing import TYPE_CHECKING, NamedTuple
 
+from dyknow.kpl.checking.error_collector import DeclarationErrors
+from dyknow.kpl.checking.formulas_in_context import FormulaChecker
+from dyknow.kpl.checking.streams import ANY, Streams
+from dyknow.kpl.checking.symbols import CHRONICLE, GENERATOR, LINK_UNITS, MAKER, MARGIN, Symbol, SymbolTable, stem
+from dyknow.kpl.checking.warnings import warnings_of
+from dyknow.kpl.syntax import specification as spec
+from dyknow.kpl.syntax.listing import print_declaration, print_making
 from dyknow.model.errors import TextError
 from dyknow.model.labels import Label
 from dyknow.model.values import Sort, is_kind_of
-from kpl.checking.error_collector import DeclarationErrors
-from kpl.checking.formulas_in_context import FormulaChecker
-from kpl.checking.streams import ANY, Streams
-from kpl.checking.symbols import CHRONICLE, GENERATOR, LINK_UNITS, MAKER, MARGIN, Symbol, SymbolTable, stem
-from kpl.checking.warnings import warnings_of
-from kpl.syntax import specification as spec
-from kpl.syntax.listing import print_declaration, print_making
-from reasoning.formulas.tree import Node, instantiate
+from dyknow.reasoning.formulas.tree import Node, instantiate
 
 if TYPE_CHECKING:
-    from kpl.checking.link_conditions import ConditionChecker
+    from dyknow.kpl.checking.link_conditions import ConditionChecker
 
 LONGEST_CHAIN = 64
 """Samples flow by plain calls: this is the longest chain of processes."""
@@ -78,7 +78,7 @@ class _Checker(DeclarationErrors):
 
     @cached_property
     def _conditions(self) -> "ConditionChecker":
-        from kpl.checking.link_conditions import ConditionChecker
+        from dyknow.kpl.checking.link_conditions import ConditionChecker
 
         return ConditionChecker(self.streams, self)
 

@@ -4,11 +4,8 @@ from collections.abc import Sequence
 from functools import cached_property
 from typing import Final
 
-from dyknow.model.labels import Label
-from dyknow.model.values import SYMBOL, Field, Sort
-from dyknow.objects.object_streams import OBJECTS, TYPE
-from kpl.checking.needs import NOTHING
-from kpl.checking.symbols import (
+from dyknow.kpl.checking.needs import NOTHING
+from dyknow.kpl.checking.symbols import (
     DEFINITION,
     LINK_UNITS,
     OF_A_PLATFORM,
@@ -19,9 +16,12 @@ from kpl.checking.symbols import (
     is_pattern,
     stem,
 )
-from kpl.diagnostics.collector import nearest
-from kpl.syntax import specification as spec
-from reasoning.features.derivation import FEATURES
+from dyknow.kpl.diagnostics.collector import nearest
+from dyknow.kpl.syntax import specification as spec
+from dyknow.model.labels import Label
+from dyknow.model.values import SYMBOL, Field, Sort
+from dyknow.objects.object_streams import OBJECTS, TYPE
+from dyknow.reasoning.features.derivation import FEATURES
 
 STATE: Final = "state"
 BELIEF: Final = "belief"
@@ -157,8 +157,8 @@ class Streams:
 
     def _linked(self, makers: Sequence[Symbol]) -> Sort | None:
         """The sort of the states of linked objects where none is declared, from all links that make them."""
-        from anchoring.belief.live.records import BELIEF_SORT
-        from anchoring.percepts.records import object_sort
+        from dyknow.anchoring.belief.live.records import BELIEF_SORT
+        from dyknow.anchoring.percepts.records import object_sort
 
         if isinstance(makers[0].made, spec.Belief):
             return BELIEF_SORT

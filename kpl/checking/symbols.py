@@ -8,16 +8,16 @@ from collections.abc import Collection, Iterable, Iterator, Mapping
 from dataclasses import dataclass, replace
 from typing import TYPE_CHECKING, Any, Final, NamedTuple, TypeAlias
 
+from dyknow.kpl.checking.needs import NOTHING, Need, conditions_of, needs_of, reads_of
+from dyknow.kpl.syntax import specification as spec
 from dyknow.model.labels import Label
 from dyknow.model.semantic_labels import SemanticLabel
 from dyknow.model.values import Sort
-from kpl.checking.needs import NOTHING, Need, conditions_of, needs_of, reads_of
-from kpl.syntax import specification as spec
-from reasoning.formulas import tree
+from dyknow.reasoning.formulas import tree
 
 if TYPE_CHECKING:
-    from anchoring.roads.network import RoadNetwork
-    from navigation.geodesy import LocalFrame
+    from dyknow.anchoring.roads.network import RoadNetwork
+    from dyknow.navigation.geodesy import LocalFrame
 
 SELF = "self"
 LINK_UNITS: Final = frozenset({"WorldObject", "OnRoad", "SameState"})

@@ -3,21 +3,21 @@
 from collections.abc import Collection, Iterable, Iterator, Sequence
 from datetime import UTC, datetime
 
+from dyknow.kpl.checking.error_collector import DeclarationErrors
+from dyknow.kpl.checking.link_conditions import is_of_end
+from dyknow.kpl.checking.lint import LintWarning, lint, withdrawn_and_back
+from dyknow.kpl.checking.needs import NOTHING, conditions_of, domains_of, label_of
+from dyknow.kpl.checking.streams import Streams
+from dyknow.kpl.checking.symbols import DEFINITION, Symbol, SymbolTable, recognises, stem
+from dyknow.kpl.syntax import specification as spec
 from dyknow.model.errors import ChronicleError, TextError
 from dyknow.model.instants import US_PER_S, print_duration, print_instant, print_span
 from dyknow.model.labels import Label
 from dyknow.model.values import Field
-from kpl.checking.error_collector import DeclarationErrors
-from kpl.checking.link_conditions import is_of_end
-from kpl.checking.lint import LintWarning, lint, withdrawn_and_back
-from kpl.checking.needs import NOTHING, conditions_of, domains_of, label_of
-from kpl.checking.streams import Streams
-from kpl.checking.symbols import DEFINITION, Symbol, SymbolTable, recognises, stem
-from kpl.syntax import specification as spec
-from reasoning.chronicles import ChronicleFile as Chronicles
-from reasoning.chronicles import Recogniser
-from reasoning.features.derivation import FEATURES, needed_labels
-from reasoning.formulas.tree import Feature, Formula, Variable, label_text, walk
+from dyknow.reasoning.chronicles import ChronicleFile as Chronicles
+from dyknow.reasoning.chronicles import Recogniser
+from dyknow.reasoning.features.derivation import FEATURES, needed_labels
+from dyknow.reasoning.formulas.tree import Feature, Formula, Variable, label_text, walk
 
 
 def warnings_of(every: Sequence[spec.Declaration], symbols: SymbolTable, errors: DeclarationErrors) -> list[TextError]:

@@ -5,7 +5,7 @@ from difflib import get_close_matches
 from typing import TypeVar
 
 from dyknow.model.errors import TextError
-from reasoning.formulas.tree import Place
+from dyknow.reasoning.formulas.tree import Place
 
 Made = TypeVar("Made")
 

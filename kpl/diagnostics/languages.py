@@ -8,7 +8,7 @@ from importlib.resources import files
 from typing import Any, Final, NamedTuple
 
 from dyknow.model.labels import RESERVED
-from reasoning.chronicles.definition.domains import RESERVED as CHRONICLE_RESERVED
+from dyknow.reasoning.chronicles.definition.domains import RESERVED as CHRONICLE_RESERVED
 
 _IN_MONITOR: Final = "monitor m = {}"
 _IN_CHRONICLE: Final = ("chronicle c {{ {} }}", "chronicle c {{ event(a, t1) {} }}")
@@ -65,7 +65,7 @@ class Language(NamedTuple):
 @cache
 def table(name: str) -> dict[str, Any]:
     """A TOML file of this drawer."""
-    return tomllib.loads(files("kpl.diagnostics").joinpath(f"{name}.toml").read_text(encoding="utf-8"))
+    return tomllib.loads(files("dyknow.kpl.diagnostics").joinpath(f"{name}.toml").read_text(encoding="utf-8"))
 
 
 @cache

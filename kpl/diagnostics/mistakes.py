@@ -10,9 +10,16 @@ import re
 from collections.abc import Callable, Iterable, Mapping
 from typing import TYPE_CHECKING, Any, Final, TypeAlias
 
+from dyknow.kpl.diagnostics.languages import Language, Mistake, table
+from dyknow.kpl.diagnostics.suggestions import (
+    PAIRS,
+    Diagnosis,
+    ErrorContext,
+    last_unclosed,
+    suggest,
+    suggest_constraint,
+)
 from dyknow.model.errors import TextError
-from kpl.diagnostics.languages import Language, Mistake, table
-from kpl.diagnostics.suggestions import PAIRS, Diagnosis, ErrorContext, last_unclosed, suggest, suggest_constraint
 
 if TYPE_CHECKING:
     from lark.exceptions import UnexpectedInput

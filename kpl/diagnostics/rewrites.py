@@ -8,7 +8,7 @@ from collections.abc import Callable, Iterator
 from difflib import get_close_matches
 from typing import Final
 
-from kpl.diagnostics.languages import table
+from dyknow.kpl.diagnostics.languages import table
 
 LONGEST: Final = 400
 """Characters of a statement that is tried to be repaired."""

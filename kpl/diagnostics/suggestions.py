@@ -10,7 +10,7 @@ from difflib import get_close_matches
 from functools import cache
 from typing import Final, NamedTuple
 
-from kpl.diagnostics.languages import table
+from dyknow.kpl.diagnostics.languages import table
 
 PAIRS: Final = {"(": ")", "[": "]", "{": "}"}
 _MAKING = re.compile(r"=\s*(state|link|composite|select|merge|first of)\b")

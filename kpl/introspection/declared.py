@@ -7,9 +7,9 @@ the streams whose attributes change.
 from collections.abc import Collection, Iterator
 
 from dyknow import Label
-from kpl.checking.needs import domains_of
-from kpl.running.instance import Instance
-from kpl.syntax import specification as spec
+from dyknow.kpl.checking.needs import domains_of
+from dyknow.kpl.running.instance import Instance
+from dyknow.kpl.syntax import specification as spec
 
 
 def units_of_families(instance: Instance) -> dict[str, str]:

@@ -3,9 +3,9 @@
 import json
 from typing import Any
 
+from dyknow.kpl.introspection.graph import Edge, Graph, GraphNode
+from dyknow.kpl.introspection.picture import as_svg
 from dyknow.model.instants import print_span
-from kpl.introspection.graph import Edge, Graph, GraphNode
-from kpl.introspection.picture import as_svg
 
 _SHAPES = {
     "source": ('[("{}")]', "cylinder"),

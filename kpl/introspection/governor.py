@@ -11,18 +11,18 @@ from dataclasses import dataclass
 from typing import TypeAlias
 
 from dyknow import NO_VALUE, Field, Label, Network, Policy, Sample, Sort
+from dyknow.kpl.checking.formulas import read_formula
+from dyknow.kpl.checking.symbols import symbol_of
+from dyknow.kpl.running.figures import WORST
+from dyknow.kpl.running.formula_monitors import FormulaMonitor
+from dyknow.kpl.running.instance import Instance
+from dyknow.kpl.running.parts import inputs_taken
+from dyknow.kpl.syntax import specification as spec
 from dyknow.model.errors import TextError
 from dyknow.model.instants import US_PER_MS, US_PER_S, print_duration, print_span
 from dyknow.network.prototypes import UnitPrototype
 from dyknow.network.refinement import RefinementProcess
 from dyknow.network.stream_proxy import StreamProxy
-from kpl.checking.formulas import read_formula
-from kpl.checking.symbols import symbol_of
-from kpl.running.figures import WORST
-from kpl.running.formula_monitors import FormulaMonitor
-from kpl.running.instance import Instance
-from kpl.running.parts import inputs_taken
-from kpl.syntax import specification as spec
 
 REFINEMENTS = Label("refinements")
 WORST_DELAY = Label("stream_delay", (WORST,))

@@ -8,6 +8,15 @@ from collections.abc import Collection, Iterator, Mapping, Sequence
 from dataclasses import dataclass, field, replace
 
 from dyknow import Label, Network, PolicyAdapter, Sample
+from dyknow.kpl.checking.specifications import LONGEST_CHAIN
+from dyknow.kpl.introspection.declared import of_members, units_of_families
+from dyknow.kpl.linking.streams import LinkStream
+from dyknow.kpl.running.figures import SAMPLE_BYTES, rate_and_delay
+from dyknow.kpl.running.formula_monitors import FormulaMonitor
+from dyknow.kpl.running.instance import Instance
+from dyknow.kpl.running.parts import inputs_taken
+from dyknow.kpl.syntax.listing import print_specification
+from dyknow.kpl.syntax.specification import Export, Import
 from dyknow.network.mediation import Failover, Mediation, Relay
 from dyknow.network.processes import OnDemand
 from dyknow.network.prototypes import SourcePrototype, UnitPrototype
@@ -16,15 +25,6 @@ from dyknow.network.stream_proxy import StreamProxy
 from dyknow.objects.object_streams import DomainStream, ObjectFeature, ObjectProcess
 from dyknow.states.state_streams import StateStreamProcess
 from dyknow.states.synchronization import Origin
-from kpl.checking.specifications import LONGEST_CHAIN
-from kpl.introspection.declared import of_members, units_of_families
-from kpl.linking.streams import LinkStream
-from kpl.running.figures import SAMPLE_BYTES, rate_and_delay
-from kpl.running.formula_monitors import FormulaMonitor
-from kpl.running.instance import Instance
-from kpl.running.parts import inputs_taken
-from kpl.syntax.listing import print_specification
-from kpl.syntax.specification import Export, Import
 
 
 @dataclass(frozen=True, slots=True)

@@ -5,10 +5,10 @@ from itertools import chain
 from typing import TYPE_CHECKING
 
 from dyknow import NO_VALUE, US_PER_S, Value
-from kpl.syntax.printing import print_formula
+from dyknow.kpl.syntax.printing import print_formula
 
 if TYPE_CHECKING:
-    from anchoring.links.objects import LinkReason
+    from dyknow.anchoring.links.objects import LinkReason
 
 _printed = lru_cache(maxsize=256)(print_formula)
 

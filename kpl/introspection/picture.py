@@ -10,8 +10,8 @@ from collections.abc import Iterable, Iterator, Mapping, Sequence
 from itertools import pairwise
 from typing import Final, NamedTuple, TypeAlias
 
-from kpl.introspection.graph import Graph, GraphNode
-from kpl.introspection.svg import BLACK, box, curve, document, words
+from dyknow.kpl.introspection.graph import Graph, GraphNode
+from dyknow.kpl.introspection.svg import BLACK, box, curve, document, words
 
 _CHAR, _HIGH, _GAP_X, _GAP_Y, _PAD, _MARGIN = 6.2, 34.0, 34.0, 10.0, 10.0, 12.0
 """Pixels: a character of 11 px, a box, what lies between boxes."""

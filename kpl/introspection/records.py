@@ -5,14 +5,14 @@ from collections.abc import Callable, Mapping
 from typing import TYPE_CHECKING, Any
 
 from dyknow import Label, Sample, as_json
+from dyknow.kpl.introspection.link_reasons import because
+from dyknow.kpl.syntax.printing import print_formula
+from dyknow.reasoning import AlarmEvent
+from dyknow.reasoning.progression.explaining import Explanation
 from dyknow.states.synchronization import Origin
-from kpl.introspection.link_reasons import because
-from kpl.syntax.printing import print_formula
-from reasoning import AlarmEvent
-from reasoning.progression.explaining import Explanation
 
 if TYPE_CHECKING:
-    from anchoring.links.objects import LinkEvent
+    from dyknow.anchoring.links.objects import LinkEvent
 
 MOST_REPORTED = 3
 """Faults of one stream that are reported."""

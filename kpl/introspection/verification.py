@@ -10,11 +10,11 @@ from operator import itemgetter
 from typing import NamedTuple
 
 from dyknow import Label, Network, Policy, Sample, Sort
+from dyknow.kpl.running.instance import Instance
+from dyknow.kpl.running.ports import Hooks
+from dyknow.kpl.syntax.specification import Specification, StreamDeclaration
 from dyknow.model.errors import TextErrors
 from dyknow.model.instants import print_duration
-from kpl.running.instance import Instance
-from kpl.running.ports import Hooks
-from kpl.syntax.specification import Specification, StreamDeclaration
 
 MAX_VIOLATIONS = 100
 MAX_HISTORY = 4096

@@ -10,23 +10,23 @@ from typing import Final, NamedTuple
 
 import numpy as np
 
-from anchoring.belief.files.described import DescribedWorld
-from anchoring.belief.files.knowledge import print_known, read_knowledge
-from anchoring.belief.knowledge.memory import MOST_LEARNT
-from anchoring.belief.knowledge.ontology import KnownInstance
-from anchoring.belief.live.gathering import LookGatherer
-from anchoring.belief.live.records import BELIEF_SORT, BeliefRecords, quality_of
-from anchoring.belief.live.trust import TrustInSource
-from anchoring.belief.live.watch import ObservingSource, ReportedBelief, WorldWatch
-from anchoring.percepts.records import PerceptRecords, is_geographic, lacks_of
 from dyknow import NO_VALUE, US_PER_S, Label, Network, Policy, Sample, Sort
+from dyknow.anchoring.belief.files.described import DescribedWorld
+from dyknow.anchoring.belief.files.knowledge import print_known, read_knowledge
+from dyknow.anchoring.belief.knowledge.memory import MOST_LEARNT
+from dyknow.anchoring.belief.knowledge.ontology import KnownInstance
+from dyknow.anchoring.belief.live.gathering import LookGatherer
+from dyknow.anchoring.belief.live.records import BELIEF_SORT, BeliefRecords, quality_of
+from dyknow.anchoring.belief.live.trust import TrustInSource
+from dyknow.anchoring.belief.live.watch import ObservingSource, ReportedBelief, WorldWatch
+from dyknow.anchoring.percepts.records import PerceptRecords, is_geographic, lacks_of
+from dyknow.kpl.linking.roads import APART_M
+from dyknow.kpl.syntax import specification as spec
 from dyknow.model.errors import TextError, TextErrors, did_you_mean
+from dyknow.navigation import LocalFrame
+from dyknow.navigation.geodesy import distance_m
 from dyknow.network.process import FAR_US, Input
 from dyknow.network.processes import OnDemand
-from kpl.linking.roads import APART_M
-from kpl.syntax import specification as spec
-from navigation import LocalFrame
-from navigation.geodesy import distance_m
 
 __all__ = ["BELIEF_SORT", "BeliefStream", "belief_stream", "trust_in"]
 STEP_US: Final = US_PER_S

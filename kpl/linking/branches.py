@@ -3,11 +3,11 @@
 from collections.abc import Iterator
 from typing import NamedTuple
 
-from anchoring.links.prediction import ObjectPrediction
-from anchoring.links.states import ObjectState
-from anchoring.links.structures import StateRecord
-from anchoring.roads.fluents import ROUTE
 from dyknow import SURE, Predicted, Quality
+from dyknow.anchoring.links.prediction import ObjectPrediction
+from dyknow.anchoring.links.states import ObjectState
+from dyknow.anchoring.links.structures import StateRecord
+from dyknow.anchoring.roads.fluents import ROUTE
 from dyknow.model.sample import MAX_BRANCH
 
 OFF_ROADS = "off the roads"

@@ -14,7 +14,7 @@ from dyknow.model.errors import SortError, TextError
 from dyknow.model.members import members_of
 from dyknow.network.network import Network
 from dyknow.network.stream_proxy import StreamProxy
-from reasoning.features.derived_streams import MAX_DELAY_US, PERIOD_US, DerivedStream, stream_of
+from dyknow.reasoning.features.derived_streams import MAX_DELAY_US, PERIOD_US, DerivedStream, stream_of
 
 LASTS_US: Final = PERIOD_US + MAX_DELAY_US
 UNUSED_US: Final = 10 * US_PER_S

@@ -9,31 +9,31 @@ from collections.abc import Callable, Container, Iterable, Iterator, Mapping, Se
 from dataclasses import replace
 from typing import Final, NamedTuple, TypeAlias
 
-from anchoring.belief.weighing import AssociationWeights
-from anchoring.links.composites import CompositeSpecification
-from anchoring.links.deciding.gating import gate_of
-from anchoring.links.motion import MotionPredictor
-from anchoring.links.prediction import HabitualMotion, Predictor
-from anchoring.links.specification import FROM, TO, USUAL, Lasting, StateUnit, distance, filtered, unlikelihood
-from anchoring.links.specification import LinkSpecification as Specification
-from anchoring.links.states import ObjectState
-from anchoring.links.structures import GENERAL, AnySpecification
-from anchoring.percepts.records import is_geographic, lacks_of
-from anchoring.ready import ALONG_ROADS, ANYWHERE, CANDIDATES, ROAD_NOISE, SLACK_M
-from anchoring.roads.hypotheses import Pruning
-from anchoring.roads.network import RoadNetwork
-from anchoring.roads.objects import OnRoad
-from anchoring.roads.prediction import AlongRoads
 from dyknow import Label, Sort
+from dyknow.anchoring.belief.weighing import AssociationWeights
+from dyknow.anchoring.links.composites import CompositeSpecification
+from dyknow.anchoring.links.deciding.gating import gate_of
+from dyknow.anchoring.links.motion import MotionPredictor
+from dyknow.anchoring.links.prediction import HabitualMotion, Predictor
+from dyknow.anchoring.links.specification import FROM, TO, USUAL, Lasting, StateUnit, distance, filtered, unlikelihood
+from dyknow.anchoring.links.specification import LinkSpecification as Specification
+from dyknow.anchoring.links.states import ObjectState
+from dyknow.anchoring.links.structures import GENERAL, AnySpecification
+from dyknow.anchoring.percepts.records import is_geographic, lacks_of
+from dyknow.anchoring.ready import ALONG_ROADS, ANYWHERE, CANDIDATES, ROAD_NOISE, SLACK_M
+from dyknow.anchoring.roads.hypotheses import Pruning
+from dyknow.anchoring.roads.network import RoadNetwork
+from dyknow.anchoring.roads.objects import OnRoad
+from dyknow.anchoring.roads.prediction import AlongRoads
+from dyknow.kpl.checking.definitions import Definitions
+from dyknow.kpl.checking.link_conditions import streams_of_ends
+from dyknow.kpl.checking.streams import Streams, origin_of
+from dyknow.kpl.checking.symbols import GENERATOR, SELF, SymbolTable
+from dyknow.kpl.linking.roads import ON_ROADS, check_cameras, check_origin
+from dyknow.kpl.syntax import specification as spec
+from dyknow.kpl.syntax.link_options import LinkOptions, print_options
 from dyknow.model.errors import TextError, did_you_mean
-from kpl.checking.definitions import Definitions
-from kpl.checking.link_conditions import streams_of_ends
-from kpl.checking.streams import Streams, origin_of
-from kpl.checking.symbols import GENERATOR, SELF, SymbolTable
-from kpl.linking.roads import ON_ROADS, check_cameras, check_origin
-from kpl.syntax import specification as spec
-from kpl.syntax.link_options import LinkOptions, print_options
-from reasoning.formulas.tree import Formula, instantiate
+from dyknow.reasoning.formulas.tree import Formula, instantiate
 
 Linked: TypeAlias = spec.Link | spec.Composite
 LinkDeclarations: TypeAlias = Sequence[tuple[Label, Linked]]

@@ -2,13 +2,10 @@
 
 from collections.abc import Iterable, Iterator, Mapping
 
-from anchoring.links.deciding.context import STATE_FEATURES
-from anchoring.links.specification import DISTANCES
-from dyknow.model.errors import TextError
-from dyknow.model.labels import Label
-from dyknow.objects.object_streams import OBJECTS
-from kpl.checking.error_collector import DeclarationErrors
-from kpl.checking.link_conditions import (
+from dyknow.anchoring.links.deciding.context import STATE_FEATURES
+from dyknow.anchoring.links.specification import DISTANCES
+from dyknow.kpl.checking.error_collector import DeclarationErrors
+from dyknow.kpl.checking.link_conditions import (
     ON_ROADS,
     ConditionChecker,
     attributes_of,
@@ -16,12 +13,15 @@ from kpl.checking.link_conditions import (
     stands_in_state,
     types_of_ends,
 )
-from kpl.checking.needs import conditions_of, domains_of, label_of
-from kpl.checking.streams import Streams
-from kpl.checking.symbols import SymbolTable
-from kpl.linking.declarations import LinkDeclarations, percept_labels
-from kpl.syntax.parsing import raise_all
-from reasoning.formulas import tree
+from dyknow.kpl.checking.needs import conditions_of, domains_of, label_of
+from dyknow.kpl.checking.streams import Streams
+from dyknow.kpl.checking.symbols import SymbolTable
+from dyknow.kpl.linking.declarations import LinkDeclarations, percept_labels
+from dyknow.kpl.syntax.parsing import raise_all
+from dyknow.model.errors import TextError
+from dyknow.model.labels import Label
+from dyknow.objects.object_streams import OBJECTS
+from dyknow.reasoning.formulas import tree
 
 
 def check_conditions(links: LinkDeclarations, symbols: SymbolTable, text: str) -> None:

@@ -4,15 +4,15 @@ from collections.abc import Sequence
 from math import hypot
 from typing import Final
 
-from anchoring.links.specification import FROM, TO
-from anchoring.roads.network import RoadNetwork
 from dyknow import Label, Sort
+from dyknow.anchoring.links.specification import FROM, TO
+from dyknow.anchoring.roads.network import RoadNetwork
+from dyknow.kpl.checking.streams import ORIGIN
+from dyknow.kpl.checking.symbols import LINK_UNITS
+from dyknow.kpl.syntax import specification as spec
 from dyknow.model.errors import TextError
-from kpl.checking.streams import ORIGIN
-from kpl.checking.symbols import LINK_UNITS
-from kpl.syntax import specification as spec
-from navigation.geodesy import LocalFrame
-from reasoning.formulas.tree import Feature, Node, Object, Variable, walk
+from dyknow.navigation.geodesy import LocalFrame
+from dyknow.reasoning.formulas.tree import Feature, Node, Object, Variable, walk
 
 ON_ROADS: Final = "on_road"
 APART_M: Final = 1.0

@@ -10,20 +10,20 @@ an object from before it was established come when it is, and with the next tick
 from collections.abc import Callable, Iterable, Mapping, Sequence
 from typing import Final, NamedTuple
 
-from anchoring.links.beginnings import ObjectBeginnings
-from anchoring.links.specification import LinkSpecification
-from anchoring.links.structures import AnySpecification, LinkOutcome, ObjectLinkage, StateRecord, record_of
-from anchoring.percepts.leaps import PerceptLeaps
-from anchoring.percepts.records import ObjectRecords, PerceptRecords
 from dyknow import US_PER_S, Label, Network, Sample, Sort, Value
+from dyknow.anchoring.links.beginnings import ObjectBeginnings
+from dyknow.anchoring.links.specification import LinkSpecification
+from dyknow.anchoring.links.structures import AnySpecification, LinkOutcome, ObjectLinkage, StateRecord, record_of
+from dyknow.anchoring.percepts.leaps import PerceptLeaps
+from dyknow.anchoring.percepts.records import ObjectRecords, PerceptRecords
+from dyknow.kpl.linking.branches import branches
+from dyknow.kpl.linking.condition_streams import TakenStreams
+from dyknow.kpl.linking.ticks import PerceptTicks
+from dyknow.kpl.linking.units import LinkedUnit
+from dyknow.kpl.linking.wants import Wanted, Wants
+from dyknow.navigation import LocalFrame
 from dyknow.network.process import FAR_US, Input
 from dyknow.network.processes import OnDemand
-from kpl.linking.branches import branches
-from kpl.linking.condition_streams import TakenStreams
-from kpl.linking.ticks import PerceptTicks
-from kpl.linking.units import LinkedUnit
-from kpl.linking.wants import Wanted, Wants
-from navigation import LocalFrame
 
 AHEAD_US: Final = US_PER_S
 """A state whose valid time is further ahead than this is dropped: it would make all states in between late."""

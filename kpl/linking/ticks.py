@@ -8,8 +8,8 @@ been late, and `MOST_WAIT_US` at most.
 from collections.abc import Collection, Iterator
 from typing import Final
 
-from anchoring.links.structures import Percept
 from dyknow import US_PER_S
+from dyknow.anchoring.links.structures import Percept
 
 MOST_WAIT_US: Final = US_PER_S
 _NEVER_US: Final = -(2**62)

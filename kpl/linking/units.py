@@ -10,18 +10,18 @@ reported; then the object is at its expected place, or, while it is new, at the 
 from collections.abc import Callable, Mapping
 from typing import Final
 
-from anchoring.links.states import ObjectState
-from anchoring.links.structures import StateRecord
-from anchoring.percepts.records import ObjectRecords, PerceptRecords, lacks_of
 from dyknow import NO_VALUE, Label, Sample, Sort
+from dyknow.anchoring.links.states import ObjectState
+from dyknow.anchoring.links.structures import StateRecord
+from dyknow.anchoring.percepts.records import ObjectRecords, PerceptRecords, lacks_of
+from dyknow.kpl.checking.streams import Streams
+from dyknow.kpl.checking.symbols import SymbolTable
+from dyknow.kpl.syntax import specification as spec
 from dyknow.model.errors import SortError, TextError, raised
+from dyknow.navigation import LocalFrame
 from dyknow.network.computational_unit import Inputs
 from dyknow.network.prototypes import Prototype, UnitPrototype
 from dyknow.network.refinement import SLOW_US
-from kpl.checking.streams import Streams
-from kpl.checking.symbols import SymbolTable
-from kpl.syntax import specification as spec
-from navigation import LocalFrame
 
 MOST_FAULTS: Final = 16
 """Kept until they are reported; all are counted."""

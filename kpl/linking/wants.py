@@ -3,21 +3,21 @@
 from collections.abc import Callable, Iterable, Iterator
 from typing import Final, NamedTuple
 
-from anchoring.links.composites import COUNT, PARTS
-from anchoring.links.objects import LinkEvent
-from anchoring.percepts.records import ROAD_FIELDS
+from dyknow.anchoring.links.composites import COUNT, PARTS
+from dyknow.anchoring.links.objects import LinkEvent
+from dyknow.anchoring.percepts.records import ROAD_FIELDS
+from dyknow.kpl.checking.definitions import Definitions
+from dyknow.kpl.checking.error_collector import DeclarationErrors
+from dyknow.kpl.checking.streams import Streams
+from dyknow.kpl.checking.symbols import DEFINITION, LINK_UNITS, SELF, SymbolTable
+from dyknow.kpl.linking.roads import ON_ROADS
+from dyknow.kpl.syntax import specification as spec
+from dyknow.kpl.syntax.parsing import raise_all
 from dyknow.model.errors import Refused, TextError
 from dyknow.model.labels import Label
 from dyknow.model.values import END, SYMBOL
-from kpl.checking.definitions import Definitions
-from kpl.checking.error_collector import DeclarationErrors
-from kpl.checking.streams import Streams
-from kpl.checking.symbols import DEFINITION, LINK_UNITS, SELF, SymbolTable
-from kpl.linking.roads import ON_ROADS
-from kpl.syntax import specification as spec
-from kpl.syntax.parsing import raise_all
-from reasoning.formulas import tree
-from reasoning.formulas.tree import Formula
+from dyknow.reasoning.formulas import tree
+from dyknow.reasoning.formulas.tree import Formula
 
 MOST: Final = 16
 """Every object that comes into view is compared with the description of each."""

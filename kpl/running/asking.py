@@ -2,18 +2,18 @@
 
 from typing import TYPE_CHECKING
 
-from kpl.checking.definitions import Definitions
-from kpl.checking.error_collector import DeclarationErrors
-from kpl.checking.specifications import check_change
-from kpl.checking.streams import Streams
-from kpl.checking.warnings import Makers
-from kpl.running.changes import together
-from kpl.syntax.parsing import parse_formula, raise_all
-from kpl.syntax.specification import MonitorDeclaration
-from reasoning.formulas.tree import Feature, Formula, walk
+from dyknow.kpl.checking.definitions import Definitions
+from dyknow.kpl.checking.error_collector import DeclarationErrors
+from dyknow.kpl.checking.specifications import check_change
+from dyknow.kpl.checking.streams import Streams
+from dyknow.kpl.checking.warnings import Makers
+from dyknow.kpl.running.changes import together
+from dyknow.kpl.syntax.parsing import parse_formula, raise_all
+from dyknow.kpl.syntax.specification import MonitorDeclaration
+from dyknow.reasoning.formulas.tree import Feature, Formula, walk
 
 if TYPE_CHECKING:
-    from kpl.running.instance import Instance
+    from dyknow.kpl.running.instance import Instance
 
 
 def features_of(instance: "Instance", formula: Formula) -> tuple[frozenset[str], frozenset[str]]:

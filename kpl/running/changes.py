@@ -5,15 +5,15 @@ from dataclasses import fields, replace
 from operator import is_
 from typing import Any, NamedTuple
 
+from dyknow.kpl.checking.definitions import Definitions
+from dyknow.kpl.checking.symbols import SymbolTable, symbol_of
+from dyknow.kpl.linking.declarations import linkages
+from dyknow.kpl.syntax import specification as spec
+from dyknow.kpl.syntax.parsing import raise_all
 from dyknow.model.errors import PolicyError, TextError, TextErrors, TooEarly, file_of
 from dyknow.model.instants import US_PER_MS, print_span
 from dyknow.model.labels import Label
 from dyknow.policies.policy import Policy
-from kpl.checking.definitions import Definitions
-from kpl.checking.symbols import SymbolTable, symbol_of
-from kpl.linking.declarations import linkages
-from kpl.syntax import specification as spec
-from kpl.syntax.parsing import raise_all
 
 _CONSTRAINED = (
     spec.StreamTerm, spec.Refinement, spec.StateStream, spec.Select, spec.Merge, spec.FirstOf, spec.GeneratorDeclaration,

@@ -24,15 +24,15 @@ from dyknow import (
     UnitPrototype,
     Value,
 )
+from dyknow.kpl.diagnostics.collector import nearest
+from dyknow.kpl.running.chronicle_watch import ChronicleWatch, PartialWatch
+from dyknow.kpl.syntax.specification import PARTIAL, RECOGNISED, ChronicleDeclaration
 from dyknow.model.errors import ChronicleError, TextError
 from dyknow.model.instants import US_PER_MS, US_PER_S
 from dyknow.network.process import Input, Process
 from dyknow.network.processes import OnDemand
 from dyknow.network.refinement import RefinementProcess
-from kpl.diagnostics.collector import nearest
-from kpl.running.chronicle_watch import ChronicleWatch, PartialWatch
-from kpl.syntax.specification import PARTIAL, RECOGNISED, ChronicleDeclaration
-from reasoning import chronicles
+from dyknow.reasoning import chronicles
 
 SORT: Final = Sort("recognition", is_open=True)
 PARTIAL_SORT: Final = Sort("partial", is_open=True)

@@ -16,6 +16,8 @@ from heapq import heappop, heappush
 from typing import Final, NamedTuple, Protocol
 
 from dyknow import NO_VALUE, Label, Network, Policy, Sample, Sort, Value
+from dyknow.kpl.running.predicted_events import PredictedEvents
+from dyknow.kpl.syntax.specification import RECOGNISED
 from dyknow.model.instants import US_PER_MS, US_PER_S
 from dyknow.model.members import members_of
 from dyknow.model.sample import Predicted
@@ -23,11 +25,9 @@ from dyknow.network.mediation import Configuration
 from dyknow.network.process import FAR_US, Input
 from dyknow.network.stream_proxy import StreamProxy
 from dyknow.objects.object_streams import attribute_of, domain_of
-from kpl.running.predicted_events import PredictedEvents
-from kpl.syntax.specification import RECOGNISED
-from reasoning import chronicles
-from reasoning.chronicles.definition.compilation import Pattern
-from reasoning.chronicles.recognition.changes import symbol
+from dyknow.reasoning import chronicles
+from dyknow.reasoning.chronicles.definition.compilation import Pattern
+from dyknow.reasoning.chronicles.recognition.changes import symbol
 
 MAX_FAULTS: Final = 64
 NO_EVENTS: Final = frozenset({"no value", "no symbol", "no change"})

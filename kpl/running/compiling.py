@@ -8,6 +8,31 @@ from typing import NamedTuple, TypeAlias
 from weakref import WeakValueDictionary
 
 from dyknow import Label, Policy, PolicyError, Sort
+from dyknow.kpl.checking.definitions import Definitions
+from dyknow.kpl.checking.domains import members_label
+from dyknow.kpl.checking.streams import Streams, origin_of
+from dyknow.kpl.checking.symbols import SELF, SymbolTable
+from dyknow.kpl.linking.beliefs import BELIEF_SORT, belief_stream
+from dyknow.kpl.linking.declarations import (
+    LinkageKey,
+    Linked,
+    check_percepts,
+    declared_links,
+    link_specifications,
+    linkage_of,
+    most_branches,
+    percept_labels,
+)  # fmt: skip
+from dyknow.kpl.linking.roads import check_on_road
+from dyknow.kpl.linking.streams import LinkStream, PerceptInput, SharedLinkage
+from dyknow.kpl.linking.units import LinkedUnit, linked_unit
+from dyknow.kpl.linking.wants import Wants, check_want
+from dyknow.kpl.running.changes import in_text
+from dyknow.kpl.running.chronicle_streams import check_chronicles
+from dyknow.kpl.running.formula_states import MAX_DELAY_US
+from dyknow.kpl.running.ports import Admission
+from dyknow.kpl.syntax import specification as spec
+from dyknow.kpl.syntax.listing import print_declaration
 from dyknow.model.errors import (
     PolicyNotSupported,
     SortError,
@@ -18,38 +43,13 @@ from dyknow.model.errors import (
 )
 from dyknow.model.instants import US_PER_MS, print_duration
 from dyknow.model.values import is_kind_of
+from dyknow.navigation import LocalFrame
 from dyknow.network.factory import Prototypes, process_of
 from dyknow.network.mediation import Failover, Mediation
 from dyknow.network.process import Input, Process
 from dyknow.network.prototypes import Prototype, SourcePrototype, UnitPrototype
+from dyknow.reasoning.formulas.tree import Node
 from dyknow.states.state_streams import StateStreamProcess, check_delay_before, exactly, state_policy
-from kpl.checking.definitions import Definitions
-from kpl.checking.domains import members_label
-from kpl.checking.streams import Streams, origin_of
-from kpl.checking.symbols import SELF, SymbolTable
-from kpl.linking.beliefs import BELIEF_SORT, belief_stream
-from kpl.linking.declarations import (
-    LinkageKey,
-    Linked,
-    check_percepts,
-    declared_links,
-    link_specifications,
-    linkage_of,
-    most_branches,
-    percept_labels,
-)  # fmt: skip
-from kpl.linking.roads import check_on_road
-from kpl.linking.streams import LinkStream, PerceptInput, SharedLinkage
-from kpl.linking.units import LinkedUnit, linked_unit
-from kpl.linking.wants import Wants, check_want
-from kpl.running.changes import in_text
-from kpl.running.chronicle_streams import check_chronicles
-from kpl.running.formula_states import MAX_DELAY_US
-from kpl.running.ports import Admission
-from kpl.syntax import specification as spec
-from kpl.syntax.listing import print_declaration
-from navigation import LocalFrame
-from reasoning.formulas.tree import Node
 
 Members: TypeAlias = Mapping[str, str]
 """The objects that variables stand for."""

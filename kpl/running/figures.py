@@ -8,14 +8,14 @@ from collections.abc import Callable, Mapping
 from typing import Final, NamedTuple
 
 from dyknow import NO_VALUE, Generator, History, Label, Network, Sample, Sort, Value
+from dyknow.kpl.checking.symbols import MARGIN
+from dyknow.kpl.running.formula_monitors import FormulaMonitor
+from dyknow.kpl.running.margins import MarginStream, has_margins
 from dyknow.model.instants import US_PER_MS, US_PER_S
 from dyknow.network.mediation import Failover
 from dyknow.network.process import Process
 from dyknow.network.processes import OnDemand
 from dyknow.network.stream_proxy import StreamProxy
-from kpl.checking.symbols import MARGIN
-from kpl.running.formula_monitors import FormulaMonitor
-from kpl.running.margins import MarginStream, has_margins
 
 PERIOD_US: Final = 100 * US_PER_MS
 WORST: Final = "worst"

@@ -3,11 +3,11 @@
 from collections.abc import Callable
 
 from dyknow import Label, Network, earlier
-from kpl.checking.symbols import MARGIN
-from kpl.running.formula_states import FormulaState, FormulaStates, timing
-from kpl.syntax.specification import MonitorDeclaration
-from reasoning import AlarmEvent, Monitor
-from reasoning.formulas.tree import Formula
+from dyknow.kpl.checking.symbols import MARGIN
+from dyknow.kpl.running.formula_states import FormulaState, FormulaStates, timing
+from dyknow.kpl.syntax.specification import MonitorDeclaration
+from dyknow.reasoning import AlarmEvent, Monitor
+from dyknow.reasoning.formulas.tree import Formula
 
 
 class FormulaMonitor:

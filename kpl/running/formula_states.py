@@ -11,6 +11,8 @@ from functools import partial
 from typing import NamedTuple
 
 from dyknow import NO_VALUE, Label, Network, Policy, Sample, Value, earlier
+from dyknow.kpl.checking.needs import domains_of
+from dyknow.kpl.syntax import specification as syntax
 from dyknow.model.errors import SortError, TextError, UnknownLabel
 from dyknow.model.instants import US_PER_MS, US_PER_S
 from dyknow.model.members import members_of
@@ -18,12 +20,10 @@ from dyknow.model.sample import oldest
 from dyknow.network.process import FAR_US, Input
 from dyknow.network.stream_proxy import StreamProxy
 from dyknow.policies.policy import Approximation
+from dyknow.reasoning.features.derivation import FeatureInput
+from dyknow.reasoning.features.derived_streams import DerivedStream, stream_of
+from dyknow.reasoning.formulas.tree import Formula, Occurred, event_labels, required_labels, walk
 from dyknow.states.synchronization import State, StateInput, StatePolicy, Synchronizer, recent
-from kpl.checking.needs import domains_of
-from kpl.syntax.specification import GeneratorDeclaration, Specification, StateStream, StreamDeclaration, StreamTerm
-from reasoning.features.derivation import FeatureInput
-from reasoning.features.derived_streams import DerivedStream, stream_of
-from reasoning.formulas.tree import Formula, Occurred, event_labels, required_labels, walk
 
 PERIOD_US = 100 * US_PER_MS
 MAX_DELAY_US = US_PER_S
@@ -225,15 +225,15 @@ class FormulaStates:
             proxy.cancel()
         self._members, self._eras, self._streams = [], [], _SharedStreams()
 
-    def declarations(self, name: str) -> Specification:
+    def declarations(self, name: str) -> syntax.Specification:
         """The streams it takes now, in KPL: `NAME_states` are its states, with other names the domains and events."""
         events = self._eras[-1].events if self._eras else ()
         policy = replace(self._policy, sample_us=self.period_us, max_delay_us=self.max_delay_us, change="sample")
-        terms: dict[StreamTerm, None] = {}
+        terms: dict[syntax.StreamTerm, None] = {}
         for each in self.inputs:
             process = self._network.process(each.label)
             made_of = process.taken_with(each.policy) if isinstance(process, DerivedStream) else (each,)
-            terms.update(dict.fromkeys(StreamTerm(*one) for one in made_of))
+            terms.update(dict.fromkeys(syntax.StreamTerm(*one) for one in made_of))
         if terms and all(term.policy.exact for term in terms):
             # A policy that all inputs share is declared once, of the state.
             terms = dict.fromkeys(replace(term, policy=replace(term.policy, exact=False)) for term in terms)
@@ -241,7 +241,7 @@ class FormulaStates:
         states = states_of(name, tuple(terms), policy)
         other = [(f"{name}_{one.label}".replace(".", "_"), one.label) for one in self._members]
         other += [(f"{name}_event{i}", Label.parse(one)) for i, one in enumerate(events, start=1)]
-        return (*states, *(StreamDeclaration(called, StreamTerm(label)) for called, label in other))
+        return (*states, *(syntax.StreamDeclaration(called, syntax.StreamTerm(label)) for called, label in other))
 
     def awaited(self) -> tuple[str, ...]:
         """Why there is no state yet, input by input."""
@@ -410,9 +410,9 @@ def _names(era: _Era) -> Iterator[tuple[str, bool]]:
     yield from ((label, True) for label in era.events)
 
 
-def states_of(name: str, terms: tuple[StreamTerm, ...], policy: Policy) -> Specification:
+def states_of(name: str, terms: tuple[syntax.StreamTerm, ...], policy: Policy) -> syntax.Specification:
     """The declaration of states of these streams, called `NAME_states`; none of no streams."""
-    return (GeneratorDeclaration(Label(f"{name}_states"), StateStream(terms, policy)),) if terms else ()
+    return (syntax.GeneratorDeclaration(Label(f"{name}_states"), syntax.StateStream(terms, policy)),) if terms else ()
 
 
 def timing(policy: Policy) -> tuple[int, int]:

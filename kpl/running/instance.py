@@ -4,17 +4,12 @@ from collections.abc import Callable, Collection, Iterable, Iterator, Mapping, S
 from dataclasses import replace
 from typing import NamedTuple
 
-from anchoring.roads.network import RoadNetwork
 from dyknow import Label, Network, Sample, Sort
-from dyknow.model.errors import DyknowError, Refused, TextError, TextErrors, TooEarly, file_of
-from dyknow.model.semantic_labels import SemanticLabel
-from dyknow.network.factory import Prototypes
-from dyknow.network.prototypes import Prototype, SourcePrototype, UnitPrototype
-from dyknow.network.stream_proxy import StreamProxy
-from kpl.checking.definitions import Definitions
-from kpl.checking.specifications import Findings, check_change, check_symbols
-from kpl.checking.symbols import Known, SymbolTable
-from kpl.running.changes import (
+from dyknow.anchoring.roads.network import RoadNetwork
+from dyknow.kpl.checking.definitions import Definitions
+from dyknow.kpl.checking.specifications import Findings, check_change, check_symbols
+from dyknow.kpl.checking.symbols import Known, SymbolTable
+from dyknow.kpl.running.changes import (
     DeclaredTimes,
     SpecificationChange,
     as_text_errors,
@@ -25,16 +20,21 @@ from kpl.running.changes import (
     together,
     too_early,
 )  # fmt: skip
-from kpl.running.chronicle_streams import ChronicleStreams, recognitions
-from kpl.running.compiling import MAX_DECLARATIONS, Compiler, located, too_many
-from kpl.running.figures import MEANINGS, InstanceFigures
-from kpl.running.formula_monitors import FormulaMonitor
-from kpl.running.parts import Families, Features, HeldGenerator, Parts, inputs_taken
-from kpl.running.ports import Admission, Federation, Hooks, LoadGovernor, Undo, nothing
-from kpl.syntax import specification as spec
-from kpl.syntax.parsing import raise_all
-from navigation.geodesy import LocalFrame
-from reasoning.features.derived_streams import derived_stream
+from dyknow.kpl.running.chronicle_streams import ChronicleStreams, recognitions
+from dyknow.kpl.running.compiling import MAX_DECLARATIONS, Compiler, located, too_many
+from dyknow.kpl.running.figures import MEANINGS, InstanceFigures
+from dyknow.kpl.running.formula_monitors import FormulaMonitor
+from dyknow.kpl.running.parts import Families, Features, HeldGenerator, Parts, inputs_taken
+from dyknow.kpl.running.ports import Admission, Federation, Hooks, LoadGovernor, Undo, nothing
+from dyknow.kpl.syntax import specification as spec
+from dyknow.kpl.syntax.parsing import raise_all
+from dyknow.model.errors import DyknowError, Refused, TextError, TextErrors, TooEarly, file_of
+from dyknow.model.semantic_labels import SemanticLabel
+from dyknow.navigation.geodesy import LocalFrame
+from dyknow.network.factory import Prototypes
+from dyknow.network.prototypes import Prototype, SourcePrototype, UnitPrototype
+from dyknow.network.stream_proxy import StreamProxy
+from dyknow.reasoning.features.derived_streams import derived_stream
 
 MAX_CONFIGURATIONS = 256
 

@@ -7,13 +7,13 @@ from typing import TYPE_CHECKING
 from dyknow import NO_VALUE, Sample
 from dyknow.model.errors import TextError
 from dyknow.network.processes import OnDemand
-from reasoning import Margins
-from reasoning.formulas.tree import Formula
-from reasoning.monitoring.margins import check_windows
+from dyknow.reasoning import Margins
+from dyknow.reasoning.formulas.tree import Formula
+from dyknow.reasoning.monitoring.margins import check_windows
 
 if TYPE_CHECKING:
-    from kpl.running.formula_monitors import FormulaMonitor
-    from kpl.running.formula_states import FormulaState
+    from dyknow.kpl.running.formula_monitors import FormulaMonitor
+    from dyknow.kpl.running.formula_states import FormulaState
 
 
 class MarginStream(OnDemand):

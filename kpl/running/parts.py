@@ -4,8 +4,17 @@ from collections.abc import Callable, Iterable, Iterator, Sequence
 from functools import partial
 from typing import NamedTuple, TypeAlias
 
-from anchoring.links.objects import LinkEvent
 from dyknow import DyknowError, Label, Network, Policy, Sample, Sort, SortError, Value
+from dyknow.anchoring.links.objects import LinkEvent
+from dyknow.kpl.checking.definitions import Definitions
+from dyknow.kpl.checking.streams import origin_of
+from dyknow.kpl.checking.symbols import symbol_of
+from dyknow.kpl.linking.streams import LinkStream
+from dyknow.kpl.linking.wants import Wanted
+from dyknow.kpl.running.compiling import CompiledGenerator, Compiler, Members, check_offer
+from dyknow.kpl.running.ports import Undo, nothing
+from dyknow.kpl.syntax import specification as spec
+from dyknow.kpl.syntax.listing import print_declaration
 from dyknow.model.errors import Refused
 from dyknow.model.members import tuples_of
 from dyknow.network.factory import Prototypes
@@ -15,16 +24,7 @@ from dyknow.network.processes import OnDemand
 from dyknow.network.prototypes import Prototype, SourcePrototype
 from dyknow.network.stream_proxy import StreamProxy
 from dyknow.objects.object_streams import ObjectProcess, ObjectStreams
-from kpl.checking.definitions import Definitions
-from kpl.checking.streams import origin_of
-from kpl.checking.symbols import symbol_of
-from kpl.linking.streams import LinkStream
-from kpl.linking.wants import Wanted
-from kpl.running.compiling import CompiledGenerator, Compiler, Members, check_offer
-from kpl.running.ports import Undo, nothing
-from kpl.syntax import specification as spec
-from kpl.syntax.listing import print_declaration
-from reasoning.features.objects import quantities
+from dyknow.reasoning.features.objects import quantities
 
 Objects: TypeAlias = tuple[str, ...]
 """A member of a family: one object, or a pair of them."""

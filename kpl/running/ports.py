@@ -5,13 +5,13 @@ from dataclasses import dataclass
 from typing import TYPE_CHECKING, Literal, Protocol, TypeAlias
 
 from dyknow import Label, Sample, TextError
+from dyknow.kpl.syntax.specification import Declaration, Export, MonitorDeclaration, StreamTerm
 from dyknow.model.semantic_labels import SemanticLabel
-from kpl.syntax.specification import Declaration, Export, MonitorDeclaration, StreamTerm
-from reasoning import AlarmEvent
-from reasoning.formulas.tree import Formula
+from dyknow.reasoning import AlarmEvent
+from dyknow.reasoning.formulas.tree import Formula
 
 if TYPE_CHECKING:
-    from anchoring.links.objects import LinkEvent
+    from dyknow.anchoring.links.objects import LinkEvent
 
 Undo: TypeAlias = Callable[[], None]
 Admission: TypeAlias = Literal["refuse", "longer"]

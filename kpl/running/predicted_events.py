@@ -5,8 +5,8 @@ from collections.abc import Iterable, Iterator
 from typing import Final, TypeAlias
 
 from dyknow.model.sample import Predicted, oldest
-from reasoning.chronicles import ChronicleInstance
-from reasoning.chronicles.definition.compilation import Compiled, Pattern
+from dyknow.reasoning.chronicles import ChronicleInstance
+from dyknow.reasoning.chronicles.definition.compilation import Compiled, Pattern
 
 MOST_EVENTS: Final = 4096
 """Different events whose times are remembered."""

@@ -6,15 +6,15 @@ Names of attributes and messages are checked once a file declares any: a file wi
 from collections.abc import Collection, Iterable, Iterator, Mapping, Sequence
 from typing import Any
 
+from dyknow.kpl.diagnostics.collector import nearest
+from dyknow.kpl.syntax.chronicle_reading import ChronicleReader, Mention, ReadChronicle
 from dyknow.model.errors import ChronicleError
-from kpl.diagnostics.collector import nearest
-from kpl.syntax.chronicle_reading import ChronicleReader, Mention, ReadChronicle
-from reasoning.chronicles.definition import model
-from reasoning.chronicles.definition.compilation import compile_chronicle
-from reasoning.chronicles.definition.domains import Domain, SymbolSet, symbol_set, symbol_text
-from reasoning.chronicles.definition.expansion import LIMIT_STATEMENTS, expand
-from reasoning.chronicles.definition.times import ComplexConstraint
-from reasoning.formulas.tree import Place
+from dyknow.reasoning.chronicles.definition import model
+from dyknow.reasoning.chronicles.definition.compilation import compile_chronicle
+from dyknow.reasoning.chronicles.definition.domains import Domain, SymbolSet, symbol_set, symbol_text
+from dyknow.reasoning.chronicles.definition.expansion import LIMIT_STATEMENTS, expand
+from dyknow.reasoning.chronicles.definition.times import ComplexConstraint
+from dyknow.reasoning.formulas.tree import Place
 
 _SHOWN = 8
 _MOST_WORK = 20_000_000

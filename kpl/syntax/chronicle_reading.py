@@ -5,12 +5,19 @@ from dataclasses import dataclass, field
 from functools import partial
 from typing import Any, Final, Literal, TypeAlias
 
-from kpl.syntax.chronicle_times import TimeReader
-from kpl.syntax.parsing import place_of
-from reasoning.chronicles.definition import model
-from reasoning.chronicles.definition.domains import RESERVED, Combination, Complement, Domain, NamedDomain, Symbols
-from reasoning.chronicles.definition.times import ComplexConstraint, ConstraintUse
-from reasoning.formulas.tree import Place
+from dyknow.kpl.syntax.chronicle_times import TimeReader
+from dyknow.kpl.syntax.parsing import place_of
+from dyknow.reasoning.chronicles.definition import model
+from dyknow.reasoning.chronicles.definition.domains import (
+    RESERVED,
+    Combination,
+    Complement,
+    Domain,
+    NamedDomain,
+    Symbols,
+)
+from dyknow.reasoning.chronicles.definition.times import ComplexConstraint, ConstraintUse
+from dyknow.reasoning.formulas.tree import Place
 
 MAX_ERRORS: Final = 50
 """Errors of one text that are reported."""

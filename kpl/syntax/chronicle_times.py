@@ -9,13 +9,13 @@ from collections.abc import Callable
 from operator import add, and_, or_
 from typing import TYPE_CHECKING, Any, Final, NamedTuple
 
+from dyknow.kpl.diagnostics.collector import ErrorCollector
+from dyknow.kpl.syntax.numbers import parse_time_ms
+from dyknow.kpl.syntax.parsing import place_of
 from dyknow.model.errors import ChronicleError
 from dyknow.model.labels import MAX_LABEL
-from kpl.diagnostics.collector import ErrorCollector
-from kpl.syntax.numbers import parse_time_ms
-from kpl.syntax.parsing import place_of
-from reasoning.chronicles.definition import times
-from reasoning.formulas.tree import Place
+from dyknow.reasoning.chronicles.definition import times
+from dyknow.reasoning.formulas.tree import Place
 
 if TYPE_CHECKING:
     from lark import Token

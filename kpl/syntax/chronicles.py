@@ -8,15 +8,15 @@ import re
 from collections.abc import Iterable, Iterator
 from typing import TYPE_CHECKING, Final
 
+from dyknow.kpl.diagnostics.languages import language
+from dyknow.kpl.syntax.chronicle_checking import check_chronicles
+from dyknow.kpl.syntax.chronicle_reading import MAX_ERRORS, ChronicleReader
+from dyknow.kpl.syntax.grammar import LIMIT_CHARACTERS, moved, parse_tree, placed
+from dyknow.kpl.syntax.parsing import raise_all
 from dyknow.model.errors import TextError
-from kpl.diagnostics.languages import language
-from kpl.syntax.chronicle_checking import check_chronicles
-from kpl.syntax.chronicle_reading import MAX_ERRORS, ChronicleReader
-from kpl.syntax.grammar import LIMIT_CHARACTERS, moved, parse_tree, placed
-from kpl.syntax.parsing import raise_all
-from reasoning.chronicles.definition import model
-from reasoning.chronicles.definition.model import ChronicleFile
-from reasoning.chronicles.definition.times import ComplexConstraint
+from dyknow.reasoning.chronicles.definition import model
+from dyknow.reasoning.chronicles.definition.model import ChronicleFile
+from dyknow.reasoning.chronicles.definition.times import ComplexConstraint
 
 if TYPE_CHECKING:
     from lark import Token, Tree

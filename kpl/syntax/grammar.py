@@ -21,9 +21,9 @@ from stat import S_ISDIR, S_ISREG, S_IWGRP, S_IWOTH
 from tempfile import NamedTemporaryFile
 from typing import TYPE_CHECKING, Any, BinaryIO, Final, NamedTuple
 
+from dyknow.kpl.diagnostics.languages import Mistake, language
+from dyknow.kpl.diagnostics.mistakes import Mark, explain, learn
 from dyknow.model.errors import TextError, file_of
-from kpl.diagnostics.languages import Mistake, language
-from kpl.diagnostics.mistakes import Mark, explain, learn
 
 if TYPE_CHECKING:
     from lark import Lark, Token, Tree
@@ -76,7 +76,7 @@ def parser(grammar: str = "kpl.lark") -> "Lark":
     import msgpack
     from lark import Lark, __version__
 
-    written = files("kpl.syntax").joinpath(grammar).read_text(encoding="utf-8")
+    written = files("dyknow.kpl.syntax").joinpath(grammar).read_text(encoding="utf-8")
     begins = sorted({text.begin for text in TEXTS.values() if text.grammar == grammar})
     name = sha256("\n".join(["msgpack", __version__, sys.version, *begins, written]).encode()).hexdigest()
     try:

@@ -7,11 +7,11 @@ from collections.abc import Mapping, Sequence
 from dataclasses import dataclass
 from typing import Any, Final
 
+from dyknow.kpl.diagnostics.collector import nearest
+from dyknow.kpl.syntax.numbers import is_time, parse_number
+from dyknow.kpl.syntax.parsing import FormulaReader, place_of
 from dyknow.model.errors import TextError
 from dyknow.model.instants import US_PER_S, parse_duration, print_duration
-from kpl.diagnostics.collector import nearest
-from kpl.syntax.numbers import is_time, parse_number
-from kpl.syntax.parsing import FormulaReader, place_of
 
 LEAST_PARTS: Final = 2
 _WORDS: Final[Mapping[str, tuple[str, ...]]] = {

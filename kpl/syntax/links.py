@@ -4,10 +4,10 @@ from collections.abc import Sequence
 from typing import Any, Final
 
 from dyknow import Label
-from kpl.syntax import specification as spec
-from kpl.syntax.link_options import LINK_OPTIONS, LinkOptions, read_options
-from kpl.syntax.parsing import FormulaReader
-from reasoning.formulas.tree import Const, Place
+from dyknow.kpl.syntax import specification as spec
+from dyknow.kpl.syntax.link_options import LINK_OPTIONS, LinkOptions, read_options
+from dyknow.kpl.syntax.parsing import FormulaReader
+from dyknow.reasoning.formulas.tree import Const, Place
 
 LINKED: Final = frozenset({"from", "to"})
 """The names of both objects in conditions."""
@@ -15,7 +15,7 @@ LINKED: Final = frozenset({"from", "to"})
 
 def read_link(reader: FormulaReader, source: Label, name: str, rest: Sequence[Any], place: Place) -> spec.Link:
     """`link(LABEL, UNIT)` or `link(LABEL, UNIT, E, R, M)`, and options; errors are noted with their places."""
-    from anchoring.ready import READY_CONDITIONS
+    from dyknow.anchoring.ready import READY_CONDITIONS
 
     options = [each for each in rest if getattr(each, "data", "") == "link_option"]
     typed = tuple(reader.read(each, LINKED) for each in rest if each not in options)

@@ -3,13 +3,13 @@
 import re
 from collections.abc import Iterable
 
+from dyknow.kpl.syntax import specification as spec
+from dyknow.kpl.syntax.link_options import LEAST_PARTS, print_options
+from dyknow.kpl.syntax.printing import print_formula
 from dyknow.model.instants import print_duration
 from dyknow.model.labels import RESERVED, Label
 from dyknow.model.values import Sort
 from dyknow.policies.policy import Policy
-from kpl.syntax import specification as spec
-from kpl.syntax.link_options import LEAST_PARTS, print_options
-from kpl.syntax.printing import print_formula
 
 _NAME = re.compile(r"[A-Za-z_][A-Za-z0-9_]*(-[A-Za-z0-9_]+)*")
 

@@ -5,13 +5,13 @@ from hashlib import sha256
 from typing import TYPE_CHECKING
 
 if TYPE_CHECKING:
-    from anchoring.roads.network import RoadNetwork
+    from dyknow.anchoring.roads.network import RoadNetwork
 
 
 @lru_cache(maxsize=4)
 def roads_of(text: str, file: str) -> "RoadNetwork":
     """The road network of a text; raises RoadsError."""
-    from anchoring.roads.files.formats import survey_any
+    from dyknow.anchoring.roads.files.formats import survey_any
 
     return survey_any(text).required(file)
 

@@ -8,12 +8,12 @@ it reads as `(always A) -> B`, while the thesis prints its boxes over the whole 
 import re
 from typing import TYPE_CHECKING, Any, Final
 
+from dyknow.kpl.diagnostics.collector import ErrorCollector
+from dyknow.kpl.syntax.grammar import parse_tree
+from dyknow.kpl.syntax.numbers import is_time, parse_number
 from dyknow.model.errors import TextError, TextErrors, file_of
 from dyknow.model.instants import parse_duration
-from kpl.diagnostics.collector import ErrorCollector
-from kpl.syntax.grammar import parse_tree
-from kpl.syntax.numbers import is_time, parse_number
-from reasoning.formulas import tree
+from dyknow.reasoning.formulas import tree
 
 if TYPE_CHECKING:
     from lark import Token, Tree

@@ -4,7 +4,7 @@ from abc import ABC, abstractmethod
 from typing import Any, ClassVar, Final
 
 from dyknow.model.instants import print_duration
-from reasoning.formulas import tree
+from dyknow.reasoning.formulas import tree
 
 EXPR, OR, AND, UNTIL, UNARY, COMPARISON, SUM, PRODUCT, FACTOR, PRIMARY = range(10)
 """Levels of the grammars, from the one that binds least."""

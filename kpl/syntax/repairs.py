@@ -2,9 +2,9 @@
 
 from typing import Final
 
+from dyknow.kpl.diagnostics.rewrites import rewritten
+from dyknow.kpl.syntax.grammar import parse_tree
 from dyknow.model.errors import TextError
-from kpl.diagnostics.rewrites import rewritten
-from kpl.syntax.grammar import parse_tree
 
 MOST_REPAIRED: Final = 8
 """Errors of a text for which a repair is looked for; it takes some parsing."""

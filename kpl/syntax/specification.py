@@ -8,18 +8,18 @@ from collections.abc import Iterator, Sequence
 from dataclasses import dataclass, field, replace
 from typing import TYPE_CHECKING, Final, Literal, TypeAlias
 
+from dyknow.kpl.syntax.link_options import LEAST_PARTS, USUAL, LinkOptions
 from dyknow.model.instants import US_PER_MS
 from dyknow.model.labels import Label
 from dyknow.model.values import Sort
 from dyknow.policies.policy import Policy
-from kpl.syntax.link_options import LEAST_PARTS, USUAL, LinkOptions
-from reasoning.chronicles import ChronicleFile as Chronicles
-from reasoning.formulas.evaluation import NoValuePolicy
-from reasoning.formulas.tree import Domain, Feature, Forall, Formula, Node, instantiate
+from dyknow.reasoning.chronicles import ChronicleFile as Chronicles
+from dyknow.reasoning.formulas.evaluation import NoValuePolicy
+from dyknow.reasoning.formulas.tree import Domain, Feature, Forall, Formula, Node, instantiate
 
 if TYPE_CHECKING:
-    from anchoring.belief.files.described import DescribedWorld
-    from anchoring.roads.network import RoadNetwork
+    from dyknow.anchoring.belief.files.described import DescribedWorld
+    from dyknow.anchoring.roads.network import RoadNetwork
 
 ANY_UPDATE = Policy()
 ExportVisibility: TypeAlias = Literal["public", "protected", "private"]

@@ -12,23 +12,23 @@ from dataclasses import replace
 from itertools import accumulate
 from typing import TYPE_CHECKING, Any, Final, NamedTuple, TypeAlias, cast
 
+from dyknow.kpl.diagnostics.suggestions import begins_statement
+from dyknow.kpl.syntax import specification as spec
+from dyknow.kpl.syntax.chronicles import parse_chronicles
+from dyknow.kpl.syntax.grammar import LIMIT_CHARACTERS, moved, parse_tree, placed
+from dyknow.kpl.syntax.link_options import COMPOSITE_OPTIONS, read_options
+from dyknow.kpl.syntax.links import LINKED, read_link
+from dyknow.kpl.syntax.named_roads import digest_of, roads_of
+from dyknow.kpl.syntax.numbers import parse_number
+from dyknow.kpl.syntax.parsing import FormulaReader, blank, line_width, place_of, raise_all, unit_text
+from dyknow.kpl.syntax.repairs import MOST_REPAIRED, repaired
 from dyknow.model.errors import PolicyError, RoadsError, SourceText, TextError, TextErrors
 from dyknow.model.labels import Label
 from dyknow.model.semantic_labels import SemanticLabel, definition_errors, sort_errors
 from dyknow.model.values import Field, Sort
 from dyknow.policies.policy import Policy
-from kpl.diagnostics.suggestions import begins_statement
-from kpl.syntax import specification as spec
-from kpl.syntax.chronicles import parse_chronicles
-from kpl.syntax.grammar import LIMIT_CHARACTERS, moved, parse_tree, placed
-from kpl.syntax.link_options import COMPOSITE_OPTIONS, read_options
-from kpl.syntax.links import LINKED, read_link
-from kpl.syntax.named_roads import digest_of, roads_of
-from kpl.syntax.numbers import parse_number
-from kpl.syntax.parsing import FormulaReader, blank, line_width, place_of, raise_all, unit_text
-from kpl.syntax.repairs import MOST_REPAIRED, repaired
-from reasoning.formulas.evaluation import NoValuePolicy
-from reasoning.formulas.tree import Place
+from dyknow.reasoning.formulas.evaluation import NoValuePolicy
+from dyknow.reasoning.formulas.tree import Place
 
 if TYPE_CHECKING:
     from lark import Token, Tree
@@ -162,7 +162,7 @@ class _StatementReader(FormulaReader):
         return make(self._member(member), _name(variable), self._member(domain), place=place)
 
     def _belief(self, parts: Sequence[Any], place: Place) -> spec.Making:
-        from anchoring.belief.files.described import read_world
+        from dyknow.anchoring.belief.files.described import read_world
 
         *others, last = parts
         wanted = last.children[0] if last.data == "task" else None

@@ -10,10 +10,10 @@ from typing import NamedTuple
 import numpy as np
 
 from dyknow import Value
-from navigation.cameras.geolocation import PoseErrors, geolocate
-from navigation.cameras.ground import GroundModel
-from navigation.cameras.pinhole import FloatArray, Intrinsics, Pixel
-from navigation.cameras.state import CameraState
+from dyknow.navigation.cameras.geolocation import PoseErrors, geolocate
+from dyknow.navigation.cameras.ground import GroundModel
+from dyknow.navigation.cameras.pinhole import FloatArray, Intrinsics, Pixel
+from dyknow.navigation.cameras.state import CameraState
 
 PERSON = "person"
 """The attribute of a detection by a detector of persons: how much like one it looks, from 0 to 1."""

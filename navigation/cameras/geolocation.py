@@ -13,8 +13,8 @@ from typing import NamedTuple
 
 import numpy as np
 
-from navigation.cameras.ground import GroundModel, Hit
-from navigation.cameras.pinhole import CameraPose, FloatArray, Intrinsics, Pixel
+from dyknow.navigation.cameras.ground import GroundModel, Hit
+from dyknow.navigation.cameras.pinhole import CameraPose, FloatArray, Intrinsics, Pixel
 
 
 class PoseErrors(NamedTuple):

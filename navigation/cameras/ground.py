@@ -9,7 +9,7 @@ from typing import NamedTuple, Protocol
 import numpy as np
 
 from dyknow.model.errors import WrongCall
-from navigation.cameras.pinhole import FloatArray
+from dyknow.navigation.cameras.pinhole import FloatArray
 
 
 class Hit(NamedTuple):

@@ -3,9 +3,9 @@
 from collections.abc import Mapping
 from dataclasses import dataclass
 
-from navigation.cameras.geolocation import USUAL_ERRORS, PoseErrors
-from navigation.cameras.pinhole import Intrinsics
-from navigation.geodesy import LocalFrame
+from dyknow.navigation.cameras.geolocation import USUAL_ERRORS, PoseErrors
+from dyknow.navigation.cameras.pinhole import Intrinsics
+from dyknow.navigation.geodesy import LocalFrame
 
 
 @dataclass(frozen=True)

@@ -12,11 +12,11 @@ from typing import Generic, NamedTuple, TypeVar
 import numpy as np
 
 from dyknow import US_PER_S
-from navigation.cameras.geolocation import USUAL_ERRORS, PoseErrors
-from navigation.cameras.pinhole import Attitude, CameraPose, FloatArray, PanTilt
-from navigation.fusion import Estimate
-from navigation.geodesy import LocalFrame
-from navigation.vehicle import AttitudeReport
+from dyknow.navigation.cameras.geolocation import USUAL_ERRORS, PoseErrors
+from dyknow.navigation.cameras.pinhole import Attitude, CameraPose, FloatArray, PanTilt
+from dyknow.navigation.fusion import Estimate
+from dyknow.navigation.geodesy import LocalFrame
+from dyknow.navigation.vehicle import AttitudeReport
 
 LONGEST_US = 300_000
 """How far beyond the last position, attitude or angle a pose is predicted."""

@@ -12,9 +12,9 @@ from typing import Final, NamedTuple
 import numpy as np
 import numpy.typing as npt
 
-from navigation.intents.intent import IntentEnding
-from navigation.intents.meeting import MINIMA, WIDER, Minima, clearance, closeness, first_meetings
-from navigation.intents.path import (
+from dyknow.navigation.intents.intent import IntentEnding
+from dyknow.navigation.intents.meeting import MINIMA, WIDER, Minima, clearance, closeness, first_meetings
+from dyknow.navigation.intents.path import (
     ACCELERATION_M_S2,
     SLOW,
     STEP_S,

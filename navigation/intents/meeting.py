@@ -9,7 +9,7 @@ from typing import Final, NamedTuple
 import numpy as np
 import numpy.typing as npt
 
-from navigation.intents.path import STEP_S, Tube
+from dyknow.navigation.intents.path import STEP_S, Tube
 
 
 class Minima(NamedTuple):

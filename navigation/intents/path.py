@@ -12,8 +12,8 @@ from typing import Final, NamedTuple, TypeAlias
 import numpy as np
 import numpy.typing as npt
 
-from navigation.geodesy import metres_per_degree
-from navigation.intents.intent import IntendedPlace, Intent, IntentEnding
+from dyknow.navigation.geodesy import metres_per_degree
+from dyknow.navigation.intents.intent import IntendedPlace, Intent, IntentEnding
 
 STEP_S: Final = 0.5
 STEPS: Final = 81

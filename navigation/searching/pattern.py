@@ -7,7 +7,7 @@ from typing import Final
 import numpy as np
 
 from dyknow.model.errors import WrongCall
-from navigation.searching.landing import Floats, LandingPrior
+from dyknow.navigation.searching.landing import Floats, LandingPrior
 
 MOST_STOPS: Final = 400
 

@@ -13,8 +13,8 @@ import numpy as np
 from numpy.typing import NDArray
 
 from dyknow import US_PER_S
-from navigation.searching.landing import Floats, LandingPrior
-from navigation.searching.pattern import expanding_square
+from dyknow.navigation.searching.landing import Floats, LandingPrior
+from dyknow.navigation.searching.pattern import expanding_square
 
 SWATH_PER_HEIGHT: Final = 0.9
 """The side of a square that is in view whichever way the camera is turned, over the height: for an angle of view of 84 degrees."""

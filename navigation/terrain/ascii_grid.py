@@ -7,8 +7,8 @@ from typing import Final
 
 import numpy as np
 
-from navigation.geodesy import metres_per_degree
-from navigation.terrain.grid import HIGHEST_M, LOWEST_M, VOID, Floats, HeightGrid, unreadable
+from dyknow.navigation.geodesy import metres_per_degree
+from dyknow.navigation.terrain.grid import HIGHEST_M, LOWEST_M, VOID, Floats, HeightGrid, unreadable
 
 MOST_BYTES: Final = 256 * 2**20
 FINEST_M: Final = 10.0

@@ -5,9 +5,9 @@ Autopilots climb and sink at once, or along the straight line: the lower of both
 
 from typing import Final, NamedTuple
 
-from navigation.geodesy import distance_m
-from navigation.terrain.elevation import Elevation
-from navigation.terrain.grid import HighGround
+from dyknow.navigation.geodesy import distance_m
+from dyknow.navigation.terrain.elevation import Elevation
+from dyknow.navigation.terrain.grid import HighGround
 
 HOVERS_M: Final = 1.0
 """A vehicle that is so much lower than its last place hovers there."""

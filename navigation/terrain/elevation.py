@@ -6,8 +6,8 @@ from typing import Final
 
 import numpy as np
 
-from navigation.geodesy import metres_per_degree
-from navigation.terrain.grid import BoxedWay, HeightGrid, HighGround
+from dyknow.navigation.geodesy import metres_per_degree
+from dyknow.navigation.terrain.grid import BoxedWay, HeightGrid, HighGround
 
 NEAR_M: Final = 30.0
 """The ground so far north, south, east and west of a place counts as that below it."""

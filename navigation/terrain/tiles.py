@@ -5,7 +5,7 @@ from typing import Final
 
 import numpy as np
 
-from navigation.terrain.grid import HIGHEST_M, LOWEST_M, VOID, HeightGrid, unreadable
+from dyknow.navigation.terrain.grid import HIGHEST_M, LOWEST_M, VOID, HeightGrid, unreadable
 
 SIDES: Final = (3601, 1201)
 """Posts of a side, 1 and 3 arc seconds apart."""

@@ -15,12 +15,12 @@ from collections.abc import Iterable, Mapping, Sequence
 from dataclasses import dataclass, replace
 from enum import Enum
 
-from anchoring.matching.candidates import PerceptProperties
-from anchoring.matching.descriptions import AllowedValues, ObjectDescription
-from anchoring.matching.situations import AnchoringSituation, MatchingOptions, classify
 from dyknow import US_PER_S
-from planning.ambiguity.hypotheses import LookingKnowledge, identification_problem, search_problem, shown_by_look
-from planning.ambiguity.recovery_messages import (
+from dyknow.anchoring.matching.candidates import PerceptProperties
+from dyknow.anchoring.matching.descriptions import AllowedValues, ObjectDescription
+from dyknow.anchoring.matching.situations import AnchoringSituation, MatchingOptions, classify
+from dyknow.planning.ambiguity.hypotheses import LookingKnowledge, identification_problem, search_problem, shown_by_look
+from dyknow.planning.ambiguity.recovery_messages import (
     DelegatorAnswered,
     DelegatorAsked,
     FeatureObserved,
@@ -38,10 +38,10 @@ from planning.ambiguity.recovery_messages import (
     TopPlanHalted,
     TopPlanResumed,
 )
-from planning.ambiguity.remaining import RemainingProblem
-from planning.contingent.conditional_plans import NONE, ConditionalPlan, SensingAction
-from planning.contingent.recovery_planning import NoRecoveryPlan, plan_recovery
-from planning.contingent.sensing_problems import MOST_HYPOTHESES
+from dyknow.planning.ambiguity.remaining import RemainingProblem
+from dyknow.planning.contingent.conditional_plans import NONE, ConditionalPlan, SensingAction
+from dyknow.planning.contingent.recovery_planning import NoRecoveryPlan, plan_recovery
+from dyknow.planning.contingent.sensing_problems import MOST_HYPOTHESES
 
 
 @dataclass(frozen=True, slots=True)

@@ -10,11 +10,17 @@ from dataclasses import dataclass, field
 from itertools import islice, product
 from typing import Final, NamedTuple, TypeAlias
 
-from anchoring.matching.candidates import CandidateMatch, ObservationGates, PerceptProperties
-from anchoring.matching.descriptions import AllowedValues, ObjectDescription, PropertyValue, same_value, shown_value
-from anchoring.matching.situations import AnchoringSituation
-from planning.contingent.conditional_plans import NONE
-from planning.contingent.sensing_problems import (
+from dyknow.anchoring.matching.candidates import CandidateMatch, ObservationGates, PerceptProperties
+from dyknow.anchoring.matching.descriptions import (
+    AllowedValues,
+    ObjectDescription,
+    PropertyValue,
+    same_value,
+    shown_value,
+)
+from dyknow.anchoring.matching.situations import AnchoringSituation
+from dyknow.planning.contingent.conditional_plans import NONE
+from dyknow.planning.contingent.sensing_problems import (
     MOST_HYPOTHESES,
     PossibleLook,
     RecoveryHypothesis,

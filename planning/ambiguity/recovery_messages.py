@@ -3,10 +3,10 @@
 from collections.abc import Mapping
 from typing import NamedTuple, TypeAlias
 
-from anchoring.matching.candidates import PerceptProperties
-from anchoring.matching.discrimination import Discriminating
-from planning.contingent.conditional_plans import ConditionalPlan, SensingAction
-from planning.contingent.sensing_problems import SensingProblem
+from dyknow.anchoring.matching.candidates import PerceptProperties
+from dyknow.anchoring.matching.discrimination import Discriminating
+from dyknow.planning.contingent.conditional_plans import ConditionalPlan, SensingAction
+from dyknow.planning.contingent.sensing_problems import SensingProblem
 
 
 class PerceptsSeen(NamedTuple):

@@ -3,7 +3,7 @@
 from collections.abc import Collection, Iterable, Mapping
 from dataclasses import replace
 
-from planning.contingent.sensing_problems import PossibleLook, SensingProblem, bits_of
+from dyknow.planning.contingent.sensing_problems import PossibleLook, SensingProblem, bits_of
 
 
 class RemainingProblem:

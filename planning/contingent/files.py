@@ -17,10 +17,10 @@ from typing import Any, Final, NamedTuple
 from dyknow.documents.documents import json_document
 from dyknow.documents.tables import DocumentTable, shown
 from dyknow.model.errors import did_you_mean
-from planning.contingent.conditional_plans import NONE, ConditionalPlan, figures_of, print_plan
-from planning.contingent.optimal_search import PlanValue
-from planning.contingent.recovery_planning import NoRecoveryPlan, RecoveryPlan
-from planning.contingent.sensing_problems import (
+from dyknow.planning.contingent.conditional_plans import NONE, ConditionalPlan, figures_of, print_plan
+from dyknow.planning.contingent.optimal_search import PlanValue
+from dyknow.planning.contingent.recovery_planning import NoRecoveryPlan, RecoveryPlan
+from dyknow.planning.contingent.sensing_problems import (
     MOST_HYPOTHESES,
     LookErrors,
     RecoveryHypothesis,

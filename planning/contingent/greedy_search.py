@@ -3,8 +3,8 @@
 from collections.abc import Callable, Iterable
 from typing import TypeAlias
 
-from planning.contingent.optimal_search import MacroStep
-from planning.contingent.sensing_problems import CompiledSensing, MacroLook
+from dyknow.planning.contingent.optimal_search import MacroStep
+from dyknow.planning.contingent.sensing_problems import CompiledSensing, MacroLook
 
 _Looks: TypeAlias = list[tuple[str, MacroLook]]
 

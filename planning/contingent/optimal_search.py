@@ -8,8 +8,8 @@ remaining hypotheses.
 from collections.abc import Callable
 from typing import Final, Literal, NamedTuple, TypeAlias
 
-from planning.contingent.search_bounds import SearchBounds
-from planning.contingent.sensing_problems import CompiledSensing, MacroLook
+from dyknow.planning.contingent.search_bounds import SearchBounds
+from dyknow.planning.contingent.sensing_problems import CompiledSensing, MacroLook
 
 MOST_STEPS: Final = 200_000
 """Looks that are weighed before the search for the best plan is given up."""

@@ -5,22 +5,22 @@ from dataclasses import dataclass, replace
 from fractions import Fraction
 from typing import Final, NamedTuple, Protocol
 
-from planning.contingent.conditional_plans import (
+from dyknow.planning.contingent.conditional_plans import (
     ConditionalPlan,
     ObservedFeature,
     PlanFigures,
     SensingAction,
     figures_of,
 )
-from planning.contingent.greedy_search import GreedySearch
-from planning.contingent.optimal_search import (
+from dyknow.planning.contingent.greedy_search import GreedySearch
+from dyknow.planning.contingent.optimal_search import (
     MOST_STEPS,
     MacroStep,
     OptimalSearch,
     PlanValue,
     SearchLimitReached,
 )
-from planning.contingent.sensing_problems import CompiledSensing, SensingProblem, bits_of
+from dyknow.planning.contingent.sensing_problems import CompiledSensing, SensingProblem, bits_of
 
 _MOST_NAMED: Final = 4
 _MOST_CLASSES_NARROWED: Final = 40

@@ -11,8 +11,8 @@ from functools import reduce
 from operator import or_
 from typing import Final, NamedTuple
 
-from planning.contingent.sensing_problems import CompiledSensing, bits_of
-from planning.contingent.walks import ShortestWalks
+from dyknow.planning.contingent.sensing_problems import CompiledSensing, bits_of
+from dyknow.planning.contingent.walks import ShortestWalks
 
 _MOST_COMPARED: Final = 40
 

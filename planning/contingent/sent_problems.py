@@ -3,9 +3,9 @@
 from collections.abc import Callable, Mapping
 from typing import Any
 
-from planning.contingent.conditional_plans import ConditionalPlan, ObservedFeature, SensingAction
-from planning.contingent.recovery_planning import NoRecoveryPlan, plan_recovery
-from planning.contingent.sensing_problems import PossibleLook, RecoveryHypothesis, SensingProblem
+from dyknow.planning.contingent.conditional_plans import ConditionalPlan, ObservedFeature, SensingAction
+from dyknow.planning.contingent.recovery_planning import NoRecoveryPlan, plan_recovery
+from dyknow.planning.contingent.sensing_problems import PossibleLook, RecoveryHypothesis, SensingProblem
 
 
 def problem_record(problem: SensingProblem) -> dict[str, Any]:

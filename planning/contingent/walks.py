@@ -3,7 +3,7 @@
 from collections.abc import Mapping
 from typing import Final
 
-from planning.contingent.sensing_problems import CompiledSensing, Distance, bits_of
+from dyknow.planning.contingent.sensing_problems import CompiledSensing, Distance, bits_of
 
 MOST_PLACES: Final = 9
 """Of more places that have to be visited the first are looked at: their walk is a bound all the same."""

@@ -7,12 +7,12 @@ reported before.
 from collections.abc import Iterable, Iterator
 from typing import Any, Final
 
-from kpl.diagnostics.collector import ErrorCollector, nearest
-from planning.domains import model
-from planning.domains.model import BOOLEAN, NUMBER, Application, Declarations
-from planning.domains.recoveries import check_located, check_recoveries
-from planning.domains.sorts import SortChecker
-from reasoning.formulas import tree
+from dyknow.kpl.diagnostics.collector import ErrorCollector, nearest
+from dyknow.planning.domains import model
+from dyknow.planning.domains.model import BOOLEAN, NUMBER, Application, Declarations
+from dyknow.planning.domains.recoveries import check_located, check_recoveries
+from dyknow.planning.domains.sorts import SortChecker
+from dyknow.reasoning.formulas import tree
 
 _BUILT_IN: Final = (BOOLEAN, *model.NUMBERS)
 

@@ -7,12 +7,12 @@ next stamp. In a global formula those of one time variable stand for `always` an
 
 from typing import Any, Final
 
+from dyknow.kpl.diagnostics.collector import ErrorCollector
+from dyknow.kpl.syntax.numbers import is_time, parse_number
+from dyknow.kpl.syntax.parsing import place_of
 from dyknow.model.instants import parse_duration
-from kpl.diagnostics.collector import ErrorCollector
-from kpl.syntax.numbers import is_time, parse_number
-from kpl.syntax.parsing import place_of
-from planning.domains.model import Application, Expression, InGoal, Next, Parameter, Quantified
-from reasoning.formulas import tree
+from dyknow.planning.domains.model import Application, Expression, InGoal, Next, Parameter, Quantified
+from dyknow.reasoning.formulas import tree
 
 _CONNECTIVES: Final = ("conjunction", "disjunction", "expr", "negation", "group", "forall", "exists")
 _MS: Final = 1000

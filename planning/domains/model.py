@@ -1,19 +1,19 @@
 """Planning domains and problems as values (thesis 7.3, 7.4.1): types, features, operators, control formulas, goals.
 
-Expressions are the nodes of `reasoning.formulas.tree` for connectives, comparisons, temporal operators and arithmetic,
-with the nodes below for what TAL has and streams have not: features of terms, quantifiers over types, `next`, `goal`. A
-name in an expression is a `Call` without arguments; its place decides whether it is a variable, constant, object or
-feature. Numbers of time are milliseconds, as in the thesis.
+Expressions are the nodes of `dyknow.reasoning.formulas.tree` for connectives, comparisons, temporal operators and
+arithmetic, with the nodes below for what TAL has and streams have not: features of terms, quantifiers over types,
+`next`, `goal`. A name in an expression is a `Call` without arguments; its place decides whether it is a variable,
+constant, object or feature. Numbers of time are milliseconds, as in the thesis.
 """
 
 from collections.abc import Iterator, Mapping
 from dataclasses import dataclass, fields, replace
 from typing import Any, Final, Literal, Self, TypeAlias
 
-from reasoning.formulas import tree
+from dyknow.reasoning.formulas import tree
 
 Expression: TypeAlias = Any
-"""A node of `reasoning.formulas.tree`, or one of those below."""
+"""A node of `dyknow.reasoning.formulas.tree`, or one of those below."""
 BOOLEAN: Final = "boolean"
 NUMBER: Final = "fp"
 NUMBERS: Final = (NUMBER, "number", "integer")

@@ -13,8 +13,8 @@ from functools import cache
 from types import NoneType, UnionType
 from typing import Any, Final, Literal, TypeVar, Union, get_args, get_origin, get_type_hints
 
-from planning.domains import model
-from reasoning.formulas import tree
+from dyknow.planning.domains import model
+from dyknow.reasoning.formulas import tree
 
 T = TypeVar("T")
 Check = Callable[[Any], Any]

@@ -2,10 +2,10 @@
 
 from typing import ClassVar, Final
 
-from kpl.syntax.printing import OR, SUM, UNARY, ExpressionPrinter
-from planning.domains import model
-from planning.domains.model import Application, Declarations, Expression, InGoal, Next, Quantified
-from reasoning.formulas import tree
+from dyknow.kpl.syntax.printing import OR, SUM, UNARY, ExpressionPrinter
+from dyknow.planning.domains import model
+from dyknow.planning.domains.model import Application, Declarations, Expression, InGoal, Next, Quantified
+from dyknow.reasoning.formulas import tree
 
 
 def print_declarations(found: Declarations) -> str:

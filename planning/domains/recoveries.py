@@ -2,11 +2,11 @@
 
 from collections.abc import Callable, Iterable, Iterator
 
-from kpl.diagnostics.collector import ErrorCollector, nearest
-from planning.domains import model
-from planning.domains.model import Declarations, Effect
-from planning.domains.sorts import SortChecker
-from reasoning.formulas.tree import Place
+from dyknow.kpl.diagnostics.collector import ErrorCollector, nearest
+from dyknow.planning.domains import model
+from dyknow.planning.domains.model import Declarations, Effect
+from dyknow.planning.domains.sorts import SortChecker
+from dyknow.reasoning.formulas.tree import Place
 
 
 def check_recoveries(

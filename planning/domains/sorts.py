@@ -7,11 +7,20 @@ import re
 from collections.abc import Mapping
 from typing import Final
 
-from kpl.diagnostics.collector import ErrorCollector, nearest
-from planning.domains import model
-from planning.domains.model import BOOLEAN, NUMBER, Application, Declarations, Expression, InGoal, Next, Quantified
-from planning.domains.types import Types
-from reasoning.formulas import tree
+from dyknow.kpl.diagnostics.collector import ErrorCollector, nearest
+from dyknow.planning.domains import model
+from dyknow.planning.domains.model import (
+    BOOLEAN,
+    NUMBER,
+    Application,
+    Declarations,
+    Expression,
+    InGoal,
+    Next,
+    Quantified,
+)
+from dyknow.planning.domains.types import Types
+from dyknow.reasoning.formulas import tree
 
 EXECUTING: Final = "executing-"
 """Begins the name of an operator's execution flag (7.6.2); in its own monitors the flag is `EXEC` as well."""

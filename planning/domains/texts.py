@@ -3,14 +3,14 @@
 from collections.abc import Callable, Mapping
 from typing import Any, Final, Literal
 
+from dyknow.kpl.syntax.grammar import parse_tree
+from dyknow.kpl.syntax.parsing import place_of, raise_all
 from dyknow.model.errors import TextError, file_of
-from kpl.syntax.grammar import parse_tree
-from kpl.syntax.parsing import place_of, raise_all
-from planning.domains import model
-from planning.domains.checking import check_declarations
-from planning.domains.expressions import ExpressionReader, has_stamp, name_in
-from planning.domains.model import Application, Declarations, Expression
-from reasoning.formulas import tree
+from dyknow.planning.domains import model
+from dyknow.planning.domains.checking import check_declarations
+from dyknow.planning.domains.expressions import ExpressionReader, has_stamp, name_in
+from dyknow.planning.domains.model import Application, Declarations, Expression
+from dyknow.reasoning.formulas import tree
 
 LIMIT_OBJECTS: Final = 200_000
 LIMIT_TIMES: Final = 1000

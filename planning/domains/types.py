@@ -3,8 +3,8 @@
 from collections.abc import Iterator
 from typing import Final
 
-from planning.domains import model
-from planning.domains.model import Declarations
+from dyknow.planning.domains import model
+from dyknow.planning.domains.model import Declarations
 
 _BUILT_IN: Final = {*model.NUMBERS, model.BOOLEAN}
 

@@ -4,8 +4,8 @@ from collections.abc import Iterator
 from dataclasses import dataclass, field
 from typing import NamedTuple, TypeAlias
 
-from planning.contingent.conditional_plans import ObservedFeature, SensingAction
-from planning.epistemic.conditions import (
+from dyknow.planning.contingent.conditional_plans import ObservedFeature, SensingAction
+from dyknow.planning.epistemic.conditions import (
     Binding,
     Fluent,
     World,

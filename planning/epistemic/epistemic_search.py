@@ -7,9 +7,9 @@ from collections.abc import Callable
 from dataclasses import dataclass
 from typing import Final, TypeAlias
 
-from planning.contingent.conditional_plans import ConditionalPlan, SensingAction
-from planning.contingent.optimal_search import SearchLimitReached
-from planning.epistemic.actions import ActionOutcome, EpistemicProblem, EState, outcomes, reaches
+from dyknow.planning.contingent.conditional_plans import ConditionalPlan, SensingAction
+from dyknow.planning.contingent.optimal_search import SearchLimitReached
+from dyknow.planning.epistemic.actions import ActionOutcome, EpistemicProblem, EState, outcomes, reaches
 
 MOST_STEPS: Final = 200_000
 MOST_COST: Final = 200

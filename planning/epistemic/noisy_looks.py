@@ -8,15 +8,15 @@ from collections.abc import Callable
 from dataclasses import dataclass
 from typing import Final, NamedTuple, TypeAlias
 
-from planning.contingent.conditional_plans import (
+from dyknow.planning.contingent.conditional_plans import (
     ConditionalPlan,
     ObservedFeature,
     PlanFigures,
     SensingAction,
     figures_of,
 )
-from planning.contingent.optimal_search import SearchLimitReached
-from planning.contingent.sensing_problems import CompiledSensing, LookErrors, MacroLook, SensingProblem, bits_of
+from dyknow.planning.contingent.optimal_search import SearchLimitReached
+from dyknow.planning.contingent.sensing_problems import CompiledSensing, LookErrors, MacroLook, SensingProblem, bits_of
 
 MOST_STEPS: Final = 60_000
 _Counts: TypeAlias = tuple[tuple[int, int, int], ...]

@@ -22,8 +22,8 @@ from math import isfinite
 from typing import Final, NamedTuple, TypeAlias
 
 from dyknow.model.errors import TextError, did_you_mean
-from planning.epistemic.actions import ActionResult, EpistemicAction, EpistemicProblem, KnownCondition
-from planning.epistemic.conditions import (
+from dyknow.planning.epistemic.actions import ActionResult, EpistemicAction, EpistemicProblem, KnownCondition
+from dyknow.planning.epistemic.conditions import (
     AllOf,
     AnyOf,
     Fluent,

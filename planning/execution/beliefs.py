@@ -5,7 +5,7 @@ from typing import NamedTuple
 
 from dyknow.model.sample import Value
 from dyknow.model.values import NO_VALUE
-from reasoning.formulas.evaluation import is_missing
+from dyknow.reasoning.formulas.evaluation import is_missing
 
 
 class _Known(NamedTuple):

@@ -5,8 +5,8 @@ from types import MappingProxyType
 from typing import Literal, NamedTuple, TypeAlias
 
 from dyknow.model.sample import Value
-from planning.domains.model import Declarations
-from planning.search.plans import MissionPlan, PlannedAction
+from dyknow.planning.domains.model import Declarations
+from dyknow.planning.search.plans import MissionPlan, PlannedAction
 
 HoldWay: TypeAlias = Literal["brake", "loiter", "land"]
 Outcome: TypeAlias = Literal["reached", "partly reached", "gave up", "aborted"]

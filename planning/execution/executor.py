@@ -14,14 +14,14 @@ from enum import StrEnum
 from typing import Final
 
 from dyknow.model.sample import Value
-from planning.domains.model import Declarations
-from planning.execution.beliefs import Beliefs
-from planning.execution.events import AbortAction, ActionEnded, MissionEffect, MissionNote, StartAction
-from planning.execution.flags import ExecutionFlags
-from planning.execution.generation import PlanMonitor, monitors_of, parameters_of
-from planning.execution.timeline import ExpectedAction, ExpectedChange, Schemas, changes_of, expected_actions
-from planning.execution.watching import MonitorSet
-from planning.search.plans import MissionPlan, bound_labels
+from dyknow.planning.domains.model import Declarations
+from dyknow.planning.execution.beliefs import Beliefs
+from dyknow.planning.execution.events import AbortAction, ActionEnded, MissionEffect, MissionNote, StartAction
+from dyknow.planning.execution.flags import ExecutionFlags
+from dyknow.planning.execution.generation import PlanMonitor, monitors_of, parameters_of
+from dyknow.planning.execution.timeline import ExpectedAction, ExpectedChange, Schemas, changes_of, expected_actions
+from dyknow.planning.execution.watching import MonitorSet
+from dyknow.planning.search.plans import MissionPlan, bound_labels
 
 _RANKS: Final = {"operator": 1, "link": 2, "global": 3}
 """Monitors that may be about an earlier action, and those of the whole plan, come after those of the action."""

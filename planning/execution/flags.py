@@ -2,7 +2,7 @@
 
 from dataclasses import dataclass
 
-from planning.domains.sorts import EXECUTING
+from dyknow.planning.domains.sorts import EXECUTING
 
 _KEPT_US = 60_000_000
 """So long after its end the flag of an action is known: states may come late."""

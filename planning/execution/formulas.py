@@ -13,13 +13,13 @@ from typing import Any, Final
 
 from dyknow.model.errors import TextError
 from dyknow.model.sample import Value
-from planning.domains import model
-from planning.domains.model import Application, Declarations, Expression, Quantified
-from planning.domains.sorts import EXECUTING
-from planning.search.grounding import Environment, Grounder
-from planning.search.operators import State
-from planning.search.tasks import PlanningTask
-from reasoning.formulas import tree
+from dyknow.planning.domains import model
+from dyknow.planning.domains.model import Application, Declarations, Expression, Quantified
+from dyknow.planning.domains.sorts import EXECUTING
+from dyknow.planning.search.grounding import Environment, Grounder
+from dyknow.planning.search.operators import State
+from dyknow.planning.search.tasks import PlanningTask
+from dyknow.reasoning.formulas import tree
 
 _IMAGINARY: Final = tree.Const(1j)  # type: ignore[arg-type] # how the search writes the other side of a distance
 

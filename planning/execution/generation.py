@@ -18,19 +18,19 @@ from collections.abc import Iterator, Mapping
 from dataclasses import dataclass, field
 from typing import Any, Literal, NamedTuple, TypeAlias
 
+from dyknow.kpl.syntax.printing import print_formula
 from dyknow.model.sample import Value
-from kpl.syntax.printing import print_formula
-from planning.domains import model
-from planning.domains.model import Application, Declarations, Expression
-from planning.domains.sorts import free_variables
-from planning.execution.formulas import ConditionWriter, executing
-from planning.execution.links import CausalLink, causal_links
-from planning.execution.timeline import ExpectedAction, Schemas, expected_actions
-from planning.search.compiling import labels_of
-from planning.search.control import closed
-from planning.search.grounding import FALSE, TRUE
-from planning.search.plans import MissionPlan
-from reasoning.formulas import tree
+from dyknow.planning.domains import model
+from dyknow.planning.domains.model import Application, Declarations, Expression
+from dyknow.planning.domains.sorts import free_variables
+from dyknow.planning.execution.formulas import ConditionWriter, executing
+from dyknow.planning.execution.links import CausalLink, causal_links
+from dyknow.planning.execution.timeline import ExpectedAction, Schemas, expected_actions
+from dyknow.planning.search.compiling import labels_of
+from dyknow.planning.search.control import closed
+from dyknow.planning.search.grounding import FALSE, TRUE
+from dyknow.planning.search.plans import MissionPlan
+from dyknow.reasoning.formulas import tree
 
 MonitorKind: TypeAlias = Literal["global", "precondition", "prevail", "effect", "duration", "link", "operator"]
 _ENDS_WITH_ACTION = frozenset({"precondition", "prevail", "effect", "duration"})

@@ -4,10 +4,10 @@ from collections.abc import Iterator, Mapping
 from dataclasses import dataclass
 from typing import Any
 
-from planning.domains import model
-from planning.domains.model import Application, Declarations, Expression
-from planning.domains.printing import print_expression
-from reasoning.formulas import tree
+from dyknow.planning.domains import model
+from dyknow.planning.domains.model import Application, Declarations, Expression
+from dyknow.planning.domains.printing import print_expression
+from dyknow.reasoning.formulas import tree
 
 
 @dataclass(frozen=True, slots=True)

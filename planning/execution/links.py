@@ -4,10 +4,10 @@ from collections.abc import Iterator, Mapping
 from dataclasses import dataclass
 
 from dyknow.model.sample import Value
-from planning.domains.model import Application, Declarations, Expression
-from planning.execution.formulas import executing
-from planning.execution.timeline import ExpectedAction
-from reasoning.formulas import tree
+from dyknow.planning.domains.model import Application, Declarations, Expression
+from dyknow.planning.execution.formulas import executing
+from dyknow.planning.execution.timeline import ExpectedAction
+from dyknow.reasoning.formulas import tree
 
 
 @dataclass(frozen=True, slots=True)

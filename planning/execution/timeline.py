@@ -9,11 +9,11 @@ from dataclasses import dataclass
 from typing import Any, Final, NamedTuple
 
 from dyknow.model.sample import Value
-from planning.domains.model import Declarations
-from planning.search.grounding import Grounder
-from planning.search.operators import OperatorInstance, Schema, State, Write
-from planning.search.plans import MissionPlan, PlannedAction
-from planning.search.tasks import PlanningTask
+from dyknow.planning.domains.model import Declarations
+from dyknow.planning.search.grounding import Grounder
+from dyknow.planning.search.operators import OperatorInstance, Schema, State, Write
+from dyknow.planning.search.plans import MissionPlan, PlannedAction
+from dyknow.planning.search.tasks import PlanningTask
 
 _NONE: Final[dict[str, Any]] = {}
 

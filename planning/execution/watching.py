@@ -4,11 +4,11 @@ from collections.abc import Iterable
 from dataclasses import dataclass, field
 
 from dyknow.model.sample import Value
-from planning.execution.beliefs import Beliefs
-from planning.execution.flags import ExecutionFlags, is_flag
-from planning.execution.generation import PlanMonitor
-from reasoning.formulas.evaluation import is_missing
-from reasoning.progression.engine import Progressing, make_progression
+from dyknow.planning.execution.beliefs import Beliefs
+from dyknow.planning.execution.flags import ExecutionFlags, is_flag
+from dyknow.planning.execution.generation import PlanMonitor
+from dyknow.reasoning.formulas.evaluation import is_missing
+from dyknow.reasoning.progression.engine import Progressing, make_progression
 
 
 @dataclass(slots=True, eq=False)

@@ -2,9 +2,9 @@
 
 from dataclasses import dataclass, field
 
-from planning.domains.model import Declarations, GoalStatement
-from planning.execution.beliefs import Beliefs
-from planning.recovery.situation import unreached_goals
+from dyknow.planning.domains.model import Declarations, GoalStatement
+from dyknow.planning.execution.beliefs import Beliefs
+from dyknow.planning.recovery.situation import unreached_goals
 
 
 def name_of(goal: GoalStatement) -> str:

@@ -3,10 +3,10 @@
 from dataclasses import replace
 
 from dyknow.model.errors import DyknowError
-from planning.domains.model import Declarations
-from planning.execution.executor import PlanExecutor, StepPhase
-from planning.execution.timeline import Schemas, expected_actions
-from planning.search.plans import MissionPlan
+from dyknow.planning.domains.model import Declarations
+from dyknow.planning.execution.executor import PlanExecutor, StepPhase
+from dyknow.planning.execution.timeline import Schemas, expected_actions
+from dyknow.planning.search.plans import MissionPlan
 
 
 def rest_of(executor: PlanExecutor | None) -> MissionPlan | None:

@@ -9,21 +9,21 @@ from collections.abc import Mapping
 
 from dyknow.model.errors import TextError
 from dyknow.model.sample import Value
-from planning.domains import model
-from planning.domains.model import Declarations
-from planning.execution import events
-from planning.execution.beliefs import Beliefs
-from planning.execution.events import AskHuman, HoldWay, MissionEffect, MissionEnded, MissionNote
-from planning.execution.executor import ExecutionFault, PlanExecutor
-from planning.execution.flags import ExecutionFlags
-from planning.execution.generation import PlanMonitor
-from planning.recovery.goals import MissionGoals, name_of
-from planning.recovery.interrupted import hindrance, rest_of
-from planning.recovery.options import DROP, GIVE_UP, MissionOptions, MissionPhase, MissionStatus
-from planning.recovery.situation import assume, objects_of, past_events, problem_now, recovery_from
-from planning.recovery.units import MissionUnits
-from planning.search.plans import MissionPlan, bound_labels
-from planning.search.tasks import PlanningTask
+from dyknow.planning.domains import model
+from dyknow.planning.domains.model import Declarations
+from dyknow.planning.execution import events
+from dyknow.planning.execution.beliefs import Beliefs
+from dyknow.planning.execution.events import AskHuman, HoldWay, MissionEffect, MissionEnded, MissionNote
+from dyknow.planning.execution.executor import ExecutionFault, PlanExecutor
+from dyknow.planning.execution.flags import ExecutionFlags
+from dyknow.planning.execution.generation import PlanMonitor
+from dyknow.planning.recovery.goals import MissionGoals, name_of
+from dyknow.planning.recovery.interrupted import hindrance, rest_of
+from dyknow.planning.recovery.options import DROP, GIVE_UP, MissionOptions, MissionPhase, MissionStatus
+from dyknow.planning.recovery.situation import assume, objects_of, past_events, problem_now, recovery_from
+from dyknow.planning.recovery.units import MissionUnits
+from dyknow.planning.search.plans import MissionPlan, bound_labels
+from dyknow.planning.search.tasks import PlanningTask
 
 _FRESH_PERIODS = 3
 _GRACE_US = 5_000_000

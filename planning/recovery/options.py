@@ -4,7 +4,7 @@ from dataclasses import dataclass
 from enum import StrEnum
 from typing import Any, Final
 
-from planning.execution.events import AskHuman
+from dyknow.planning.execution.events import AskHuman
 
 AGAIN: Final = "try again"
 GIVE_UP: Final = "give up"

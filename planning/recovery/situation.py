@@ -4,15 +4,15 @@ from collections.abc import Iterable, Mapping
 from dataclasses import replace
 
 from dyknow.model.sample import Value
-from planning.domains import model
-from planning.domains.model import Application, Declarations, Expression, GoalStatement
-from planning.domains.sorts import free_variables
-from planning.execution.beliefs import Beliefs
-from planning.execution.executor import ExecutionFault
-from planning.search.control import closed
-from planning.search.grounding import FALSE, TRUE, Grounder
-from planning.search.tasks import PlanningTask
-from reasoning.formulas import tree
+from dyknow.planning.domains import model
+from dyknow.planning.domains.model import Application, Declarations, Expression, GoalStatement
+from dyknow.planning.domains.sorts import free_variables
+from dyknow.planning.execution.beliefs import Beliefs
+from dyknow.planning.execution.executor import ExecutionFault
+from dyknow.planning.search.control import closed
+from dyknow.planning.search.grounding import FALSE, TRUE, Grounder
+from dyknow.planning.search.tasks import PlanningTask
+from dyknow.reasoning.formulas import tree
 
 
 def recovery_from(

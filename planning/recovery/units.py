@@ -3,7 +3,7 @@
 from collections.abc import Iterable
 from dataclasses import dataclass, field
 
-from planning.execution.events import HoldUnit, HoldWay, MissionNote
+from dyknow.planning.execution.events import HoldUnit, HoldWay, MissionNote
 
 
 @dataclass(slots=True)

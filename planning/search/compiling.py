@@ -7,8 +7,8 @@ from collections.abc import Callable, Iterator
 from typing import Any, Final
 
 from dyknow.model.errors import TextError
-from reasoning.formulas import tree
-from reasoning.formulas.evaluation import EvaluationCompiler, Term, Test
+from dyknow.reasoning.formulas import tree
+from dyknow.reasoning.formulas.evaluation import EvaluationCompiler, Term, Test
 
 BEFORE: Final = "before "
 """Begins the name of a fluent of the earlier one of two states."""

@@ -11,15 +11,15 @@ from collections.abc import Iterator, Mapping
 from typing import Any, Final, NamedTuple, TypeAlias
 
 from dyknow.model.sample import Value
-from planning.domains import model
-from planning.domains.model import Expression, Next, Quantified
-from planning.search.compiling import BEFORE, is_temporal
-from planning.search.grounding import TRUE, Environment, Grounder
-from reasoning.formulas import tree
-from reasoning.formulas.evaluation import EvaluationCompiler, Test
-from reasoning.formulas.skeletons import take_apart
-from reasoning.progression.automaton import Automaton, AutomatonState, automaton
-from reasoning.progression.persistence import holds_if_all_persists
+from dyknow.planning.domains import model
+from dyknow.planning.domains.model import Expression, Next, Quantified
+from dyknow.planning.search.compiling import BEFORE, is_temporal
+from dyknow.planning.search.grounding import TRUE, Environment, Grounder
+from dyknow.reasoning.formulas import tree
+from dyknow.reasoning.formulas.evaluation import EvaluationCompiler, Test
+from dyknow.reasoning.formulas.skeletons import take_apart
+from dyknow.reasoning.progression.automaton import Automaton, AutomatonState, automaton
+from dyknow.reasoning.progression.persistence import holds_if_all_persists
 
 Residuals: TypeAlias = tuple[AutomatonState | None, ...]
 """Remainders of the formulas that are progressed; None before the first state that is complete."""

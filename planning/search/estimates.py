@@ -12,11 +12,11 @@ from math import inf
 from typing import Any, Final, NamedTuple
 
 from dyknow.model.sample import Value
-from planning.search.grounding import Grounder
-from planning.search.nodes import SearchNode
-from planning.search.operators import OperatorInstance, Schema, Write
-from reasoning.formulas import tree
-from reasoning.formulas.evaluation import Test
+from dyknow.planning.search.grounding import Grounder
+from dyknow.planning.search.nodes import SearchNode
+from dyknow.planning.search.operators import OperatorInstance, Schema, Write
+from dyknow.reasoning.formulas import tree
+from dyknow.reasoning.formulas.evaluation import Test
 
 LIMIT_INSTANCES: Final = 10_000
 """Most instances of operators that are looked at: with more there is no estimate."""

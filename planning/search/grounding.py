@@ -12,12 +12,12 @@ from math import hypot
 from typing import Any, Final, TypeAlias
 
 from dyknow.model.errors import TextError
-from planning.domains import model
-from planning.domains.model import Application, Expression, InGoal, Next, Quantified
-from planning.search.compiling import BEFORE, SharingCompiler
-from planning.search.tasks import PlanningTask, calculated
-from reasoning.formulas import tree
-from reasoning.formulas.tree import label_text
+from dyknow.planning.domains import model
+from dyknow.planning.domains.model import Application, Expression, InGoal, Next, Quantified
+from dyknow.planning.search.compiling import BEFORE, SharingCompiler
+from dyknow.planning.search.tasks import PlanningTask, calculated
+from dyknow.reasoning.formulas import tree
+from dyknow.reasoning.formulas.tree import label_text
 
 TRUE: Final = tree.Const(True)
 FALSE: Final = tree.Const(False)

@@ -10,9 +10,9 @@ from hashlib import blake2b
 from typing import NamedTuple
 
 from dyknow.model.sample import Value
-from planning.search.control import Residuals
-from planning.search.operators import OperatorInstance
-from planning.search.plans import PlannedAction
+from dyknow.planning.search.control import Residuals
+from dyknow.planning.search.operators import OperatorInstance
+from dyknow.planning.search.plans import PlannedAction
 
 
 class ValueChange(NamedTuple):

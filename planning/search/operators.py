@@ -12,11 +12,11 @@ from typing import Any, Final, NamedTuple, TypeAlias
 
 from dyknow.model.errors import TextError
 from dyknow.model.sample import Value
-from planning.domains import model
-from planning.domains.model import Application, Expression
-from planning.search.grounding import FALSE, TRUE, Grounder
-from reasoning.formulas import tree
-from reasoning.formulas.evaluation import Test
+from dyknow.planning.domains import model
+from dyknow.planning.domains.model import Application, Expression
+from dyknow.planning.search.grounding import FALSE, TRUE, Grounder
+from dyknow.reasoning.formulas import tree
+from dyknow.reasoning.formulas.evaluation import Test
 
 State: TypeAlias = dict[str, Value]
 _NONE: Final[dict[str, Any]] = {}

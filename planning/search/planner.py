@@ -15,18 +15,18 @@ from itertools import count
 from typing import Any, Final, TypeAlias
 
 from dyknow.model.errors import TextError
-from planning.domains.model import Declarations, GoalStatement, InGoal, calls
-from planning.domains.sorts import free_variables
-from planning.search.control import ControlFormulas, closed
-from planning.search.estimates import Estimator, TooManyInstances
-from planning.search.grounding import FALSE, TRUE, Grounder, Stopped
-from planning.search.nodes import MovingState, SearchNode
-from planning.search.operators import Schema
-from planning.search.plans import MissionPlan
-from planning.search.successors import Successors
-from planning.search.tasks import PlanningTask
-from reasoning.formulas import tree
-from reasoning.formulas.evaluation import Test
+from dyknow.planning.domains.model import Declarations, GoalStatement, InGoal, calls
+from dyknow.planning.domains.sorts import free_variables
+from dyknow.planning.search.control import ControlFormulas, closed
+from dyknow.planning.search.estimates import Estimator, TooManyInstances
+from dyknow.planning.search.grounding import FALSE, TRUE, Grounder, Stopped
+from dyknow.planning.search.nodes import MovingState, SearchNode
+from dyknow.planning.search.operators import Schema
+from dyknow.planning.search.plans import MissionPlan
+from dyknow.planning.search.successors import Successors
+from dyknow.planning.search.tasks import PlanningTask
+from dyknow.reasoning.formulas import tree
+from dyknow.reasoning.formulas.evaluation import Test
 
 LIMIT_NODES: Final = 2_000_000
 POLLED_EVERY: Final = 64

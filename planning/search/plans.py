@@ -5,8 +5,8 @@ from dataclasses import dataclass
 from typing import Any
 
 from dyknow.model.sample import Value
-from planning.domains.model import Application, Operator
-from reasoning.formulas.tree import label_text
+from dyknow.planning.domains.model import Application, Operator
+from dyknow.reasoning.formulas.tree import label_text
 
 
 @dataclass(frozen=True, slots=True)

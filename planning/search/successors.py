@@ -12,10 +12,10 @@ from typing import Any, Final
 
 from dyknow.model.sample import Value
 from dyknow.model.values import NO_VALUE
-from planning.search.control import ControlFormulas
-from planning.search.nodes import ActionUnderWay, MovingState, Pending, SearchNode, ValueChange
-from planning.search.operators import OperatorInstance, Schema
-from planning.search.plans import PlannedAction
+from dyknow.planning.search.control import ControlFormulas
+from dyknow.planning.search.nodes import ActionUnderWay, MovingState, Pending, SearchNode, ValueChange
+from dyknow.planning.search.operators import OperatorInstance, Schema
+from dyknow.planning.search.plans import PlannedAction
 
 _NONE: Final[dict[str, Any]] = {}
 LIMIT_MS: Final = 366 * 24 * 3600 * 1000

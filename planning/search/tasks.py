@@ -4,11 +4,11 @@ from typing import Any
 
 from dyknow.model.sample import Value
 from dyknow.model.values import NO_VALUE
-from planning.domains import model
-from planning.domains.model import Application, Declarations, Expression
-from planning.domains.types import Types
-from reasoning.formulas import tree
-from reasoning.formulas.tree import label_text
+from dyknow.planning.domains import model
+from dyknow.planning.domains.model import Application, Declarations, Expression
+from dyknow.planning.domains.types import Types
+from dyknow.reasoning.formulas import tree
+from dyknow.reasoning.formulas.tree import label_text
 
 
 class PlanningTask:

@@ -13,12 +13,12 @@ from pathlib import Path
 from typing import Any, Final
 
 from dyknow.model.errors import TextError
-from planning.domains import model
-from planning.domains.model import Application, Declarations, Expression, Quantified
-from planning.search.plans import MissionPlan
-from planning.symbolic.simplifying import Simplifier
-from planning.symbolic.unified import unified
-from reasoning.formulas import tree
+from dyknow.planning.domains import model
+from dyknow.planning.domains.model import Application, Declarations, Expression, Quantified
+from dyknow.planning.search.plans import MissionPlan
+from dyknow.planning.symbolic.simplifying import Simplifier
+from dyknow.planning.symbolic.unified import unified
+from dyknow.reasoning.formulas import tree
 
 Scope = Mapping[str, Any]
 """Variables as unified-planning has them."""

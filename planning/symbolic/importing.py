@@ -10,14 +10,14 @@ from dataclasses import replace
 from fractions import Fraction
 from typing import Any, Final
 
+from dyknow.kpl.diagnostics.languages import language
 from dyknow.model.errors import TextError, WrongCall
-from kpl.diagnostics.languages import language
-from planning.domains import model
-from planning.domains.model import Application, Declarations, Effect, Expression, OperatorCondition, Parameter
-from planning.domains.printing import print_declarations
-from planning.domains.texts import parse_domain, parse_problem
-from planning.symbolic.unified import unified
-from reasoning.formulas import tree
+from dyknow.planning.domains import model
+from dyknow.planning.domains.model import Application, Declarations, Effect, Expression, OperatorCondition, Parameter
+from dyknow.planning.domains.printing import print_declarations
+from dyknow.planning.domains.texts import parse_domain, parse_problem
+from dyknow.planning.symbolic.unified import unified
+from dyknow.reasoning.formulas import tree
 
 _MS: Final = 1000
 _NAME: Final = re.compile(r"[A-Za-z_][A-Za-z0-9_]*(-[A-Za-z0-9_]+)*")

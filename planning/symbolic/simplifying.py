@@ -9,14 +9,14 @@ from dataclasses import replace
 from itertools import product
 from typing import Any, Final
 
+from dyknow.kpl.diagnostics.collector import ErrorCollector
 from dyknow.model.errors import TextError
-from kpl.diagnostics.collector import ErrorCollector
-from planning.domains import model
-from planning.domains.model import Application, Declarations, Expression, Quantified
-from planning.domains.sorts import SortChecker
-from planning.search.grounding import Grounder
-from planning.search.tasks import PlanningTask
-from reasoning.formulas import tree
+from dyknow.planning.domains import model
+from dyknow.planning.domains.model import Application, Declarations, Expression, Quantified
+from dyknow.planning.domains.sorts import SortChecker
+from dyknow.planning.search.grounding import Grounder
+from dyknow.planning.search.tasks import PlanningTask
+from dyknow.reasoning.formulas import tree
 
 LIMIT_VALUES: Final = 200_000
 """Most values of a feature in place of a calculation."""

@@ -6,7 +6,7 @@ from pathlib import Path
 from stat import S_ISREG
 from typing import BinaryIO, Final
 
-from proxies.files.piped_lines import limited_lines
+from dyknow.proxies.files.piped_lines import limited_lines
 
 LONGEST_TEXT: Final = 4 * 2**20
 """Bytes of a text."""

@@ -2,7 +2,7 @@
 
 from pathlib import Path
 
-from proxies.files.named_files import named_text
+from dyknow.proxies.files.named_files import named_text
 
 
 class WatchedFile:

@@ -12,8 +12,8 @@ import threading
 from collections.abc import Callable, Iterable, Iterator
 from pathlib import Path
 
+from dyknow.federation.messages.unpacking import MAX_BYTES
 from dyknow.model.errors import EndpointFailed
-from federation.messages.unpacking import MAX_BYTES
 
 BEAT_S = 0.25
 FINISH_S = 1.0

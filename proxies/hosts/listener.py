@@ -9,8 +9,8 @@ from functools import partial
 from itertools import count
 from pathlib import Path
 
-from agents.effects import DropHost, HostCame, HostEffect, HostEvent, HostLeft, HostMessage, TakeHost, TellHost
-from proxies.hosts.connection import Line, connect, listen
+from dyknow.agents.effects import DropHost, HostCame, HostEffect, HostEvent, HostLeft, HostMessage, TakeHost, TellHost
+from dyknow.proxies.hosts.connection import Line, connect, listen
 
 UNTAKEN = 64
 """Messages of one host that the node has not dealt with; further ones wait where they come from."""

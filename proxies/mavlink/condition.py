@@ -5,9 +5,9 @@ No socket and no clock: times are arguments, monotonic microseconds.
 
 from typing import Any, NamedTuple
 
-from proxies.mavlink.hearing import Hearing
-from proxies.mavlink.reports import VehicleReports, autopilot_name
-from proxies.mavlink.requests import Requests
+from dyknow.proxies.mavlink.hearing import Hearing
+from dyknow.proxies.mavlink.reports import VehicleReports, autopilot_name
+from dyknow.proxies.mavlink.requests import Requests
 
 SILENT_US = 3_000_000
 _LASTS_US = 2_500_000

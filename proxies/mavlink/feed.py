@@ -11,7 +11,7 @@ from typing import Any
 
 from pymavlink.dialects.v20 import ardupilotmega as mavlink
 
-from navigation.vehicle import (
+from dyknow.navigation.vehicle import (
     Command,
     CommandResult,
     FixReport,
@@ -21,16 +21,16 @@ from navigation.vehicle import (
     Report,
     StationReport,
 )
-from proxies.mavlink.condition import VehicleCondition
-from proxies.mavlink.device_clock import DeviceClock
-from proxies.mavlink.lists.item_list import speaks_mavlink_2
-from proxies.mavlink.lists.vehicle_lists import VehicleLists
-from proxies.mavlink.orders import Errands, OrderOutcome
-from proxies.mavlink.port import TOO_MUCH_TRAFFIC, MavlinkPort
-from proxies.mavlink.reports import VehicleReports, device_us, flight_mode, is_autopilot, tells_time
-from proxies.mavlink.requests import Requests
-from proxies.mavlink.traffic import TRAFFIC_NAMES, TrafficHearing
-from proxies.mavlink.ways import Target
+from dyknow.proxies.mavlink.condition import VehicleCondition
+from dyknow.proxies.mavlink.device_clock import DeviceClock
+from dyknow.proxies.mavlink.lists.item_list import speaks_mavlink_2
+from dyknow.proxies.mavlink.lists.vehicle_lists import VehicleLists
+from dyknow.proxies.mavlink.orders import Errands, OrderOutcome
+from dyknow.proxies.mavlink.port import TOO_MUCH_TRAFFIC, MavlinkPort
+from dyknow.proxies.mavlink.reports import VehicleReports, device_us, flight_mode, is_autopilot, tells_time
+from dyknow.proxies.mavlink.requests import Requests
+from dyknow.proxies.mavlink.traffic import TRAFFIC_NAMES, TrafficHearing
+from dyknow.proxies.mavlink.ways import Target
 
 _ASK_AGAIN_US = 2_000_000
 _AUTOPILOT = 1
@@ -40,7 +40,7 @@ class MavlinkFeed:
     """Hears one vehicle.
 
     Args:
-        endpoint: as `proxies.mavlink.endpoints` reads it, or a `MavlinkPort` shared with other feeds.
+        endpoint: as `dyknow.proxies.mavlink.endpoints` reads it, or a `MavlinkPort` shared with other feeds.
         sysid: the vehicle's system id; None takes the first autopilot heard that no other feed has.
         post: takes a report; must not block. Reports of one message come in one go, velocity before position.
         now_us: federation time.

@@ -12,9 +12,9 @@ from typing import Any, NamedTuple
 
 from pymavlink.dialects.v20 import ardupilotmega as mavlink
 
-from proxies.mavlink.lists.item_list import LIST_NAMES
-from proxies.mavlink.reports import DESCRIBING
-from proxies.mavlink.traffic import TRAFFIC_NAMES
+from dyknow.proxies.mavlink.lists.item_list import LIST_NAMES
+from dyknow.proxies.mavlink.reports import DESCRIBING
+from dyknow.proxies.mavlink.traffic import TRAFFIC_NAMES
 
 _V1, _V2 = 0xFE, 0xFD
 _BEGINS = re.compile(b"[\xfe\xfd]")

@@ -8,9 +8,9 @@ from typing import Any
 
 from pymavlink.dialects.v20 import ardupilotmega as mavlink
 
-from proxies.mavlink.endpoints import Endpoint
-from proxies.mavlink.frames import Frame
-from proxies.mavlink.reports import is_autopilot
+from dyknow.proxies.mavlink.endpoints import Endpoint
+from dyknow.proxies.mavlink.frames import Frame
+from dyknow.proxies.mavlink.reports import is_autopilot
 
 LATELY_S = 5.0
 _SETTLES_S = 1.2

@@ -18,7 +18,7 @@ from collections.abc import Callable, Sequence
 from typing import Protocol
 
 from dyknow.model.errors import EndpointFailed
-from proxies.mavlink.endpoints import Endpoint
+from dyknow.proxies.mavlink.endpoints import Endpoint
 
 TICK_S = 0.05
 AGAIN_S = 1.0

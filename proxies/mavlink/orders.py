@@ -17,9 +17,9 @@ from typing import Any, NamedTuple
 from pymavlink.dialects.v20 import ardupilotmega as mavlink
 
 from dyknow.model.errors import Refused
-from navigation import vehicle
-from proxies.mavlink.reports import VehicleReports
-from proxies.mavlink.ways import OURSELVES, Target, Way, let_out_m, ways_of
+from dyknow.navigation import vehicle
+from dyknow.proxies.mavlink.reports import VehicleReports
+from dyknow.proxies.mavlink.ways import OURSELVES, Target, Way, let_out_m, ways_of
 
 RETRY_US = 500_000
 ATTEMPTS = 4

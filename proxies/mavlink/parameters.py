@@ -9,9 +9,9 @@ from typing import Any
 
 from pymavlink.dialects.v20 import ardupilotmega as mavlink
 
-from navigation.cruise import CruiseReport
-from navigation.fences import FenceArea
-from navigation.vehicle import FailsafeReport, FenceReport, LinkLossAction
+from dyknow.navigation.cruise import CruiseReport
+from dyknow.navigation.fences import FenceArea
+from dyknow.navigation.vehicle import FailsafeReport, FenceReport, LinkLossAction
 
 _ARDUPILOT, _PX4 = mavlink.MAV_AUTOPILOT_ARDUPILOTMEGA, mavlink.MAV_AUTOPILOT_PX4
 FENCE_PARAMETERS = {

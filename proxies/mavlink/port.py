@@ -13,12 +13,12 @@ from typing import Any, Protocol
 
 from pymavlink.dialects.v20 import ardupilotmega as mavlink
 
-from federation.shares import TokenBucket
-from proxies.mavlink.endpoints import parse_endpoint
-from proxies.mavlink.frames import WANTED, Cutter, Frame, decoded
-from proxies.mavlink.hearing import Hearing
-from proxies.mavlink.links import TICK_S, Peer, open_link
-from proxies.mavlink.traffic import MOST_A_SECOND, TRAFFIC_IDS
+from dyknow.federation.shares import TokenBucket
+from dyknow.proxies.mavlink.endpoints import parse_endpoint
+from dyknow.proxies.mavlink.frames import WANTED, Cutter, Frame, decoded
+from dyknow.proxies.mavlink.hearing import Hearing
+from dyknow.proxies.mavlink.links import TICK_S, Peer, open_link
+from dyknow.proxies.mavlink.traffic import MOST_A_SECOND, TRAFFIC_IDS
 
 TOO_MUCH_TRAFFIC = "too much traffic"
 """The count of messages of other aircraft that were not decoded."""

@@ -9,10 +9,10 @@ from typing import Any
 
 from pymavlink.dialects.v20 import ardupilotmega as mavlink
 
-from navigation import vehicle
-from navigation.fences import FenceArea
-from navigation.inertial import GRAVITY_M_S2
-from proxies.mavlink.parameters import CRUISE_PARAMETERS, FENCE_PARAMETERS, VehicleParameters
+from dyknow.navigation import vehicle
+from dyknow.navigation.fences import FenceArea
+from dyknow.navigation.inertial import GRAVITY_M_S2
+from dyknow.proxies.mavlink.parameters import CRUISE_PARAMETERS, FENCE_PARAMETERS, VehicleParameters
 
 _UNKNOWN_16 = 65_535
 _ASSUMED_ERROR_M = 2.0
@@ -289,7 +289,7 @@ class VehicleReports:
         return (self._parameters.failsafe(self.autopilot, valid_us),)
 
     def fence(self, areas: tuple[FenceArea, ...], valid_us: int) -> vehicle.FenceReport:
-        """Its fence, with the polygons and circles that were read of it (`proxies.mavlink.fence_list`)."""
+        """Its fence, with the polygons and circles that were read of it (`dyknow.proxies.mavlink.fence_list`)."""
         self._areas = areas
         return self._parameters.fence(self.autopilot, valid_us, areas)
 

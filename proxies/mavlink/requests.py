@@ -9,7 +9,7 @@ from typing import Any
 
 from pymavlink.dialects.v20 import ardupilotmega as mavlink
 
-from proxies.mavlink.ways import Target, long_command
+from dyknow.proxies.mavlink.ways import Target, long_command
 
 _WANTED_HZ = {
     mavlink.MAVLINK_MSG_ID_GLOBAL_POSITION_INT: 10.0,

@@ -5,8 +5,8 @@ import stat
 from pathlib import Path
 
 from dyknow.model.errors import WrongCall
-from proxies.files.named_files import bounded_bytes
-from proxies.mavlink.endpoints import Endpoint
+from dyknow.proxies.files.named_files import bounded_bytes
+from dyknow.proxies.mavlink.endpoints import Endpoint
 
 _KEY_BYTES, _SHORTEST_PASSPHRASE, _LONGEST_FILE = 32, 8, 4096
 

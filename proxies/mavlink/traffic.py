@@ -11,10 +11,10 @@ from typing import Any, Final, NamedTuple
 
 from pymavlink.dialects.v20 import ardupilotmega as mavlink
 
-from navigation.geodesy import distance_m
-from navigation.heard_aircraft import HeardAircraft
-from navigation.traffic import MOST_AIRCRAFT, identity_of
-from navigation.vehicle import PositionReport, TrafficReport
+from dyknow.navigation.geodesy import distance_m
+from dyknow.navigation.heard_aircraft import HeardAircraft
+from dyknow.navigation.traffic import MOST_AIRCRAFT, identity_of
+from dyknow.navigation.vehicle import PositionReport, TrafficReport
 
 TRAFFIC_NAMES: Final = frozenset({
     "ADSB_VEHICLE", "OPEN_DRONE_ID_BASIC_ID", "OPEN_DRONE_ID_LOCATION", "OPEN_DRONE_ID_SYSTEM", "OPEN_DRONE_ID_MESSAGE_PACK",

@@ -6,9 +6,9 @@ from typing import Any, NamedTuple
 from pymavlink.dialects.v20 import ardupilotmega as mavlink
 
 from dyknow.model.errors import Refused
-from navigation import vehicle
-from navigation.geodesy import distance_m
-from proxies.mavlink.reports import PLANES, ROVERS, VehicleReports
+from dyknow.navigation import vehicle
+from dyknow.navigation.geodesy import distance_m
+from dyknow.proxies.mavlink.reports import PLANES, ROVERS, VehicleReports
 
 _HERE_M, _SLOW_M_S = 3.0, 2.0
 _M_PER_DEG = 111_194.9

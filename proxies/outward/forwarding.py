@@ -15,9 +15,9 @@ from typing import Final, Protocol
 
 from pymavlink.dialects.v20 import ardupilotmega as mavlink
 
-from navigation.vehicle import Report, StationReport
-from proxies.mavlink.frames import Cutter, Frame
-from proxies.outward.outlets import Destination
+from dyknow.navigation.vehicle import Report, StationReport
+from dyknow.proxies.mavlink.frames import Cutter, Frame
+from dyknow.proxies.outward.outlets import Destination
 
 MOST_BACK_PER_S: Final = 200
 """Frames of the station, and that number at once."""

@@ -14,7 +14,7 @@ from typing import Any, Final, NamedTuple
 from pymavlink.dialects.v20 import ardupilotmega as mavlink
 
 from dyknow.model.errors import WrongCall
-from proxies.outward.cot import plain
+from dyknow.proxies.outward.cot import plain
 
 _EPOCH_2019_S: Final = 1_546_300_800
 _ID_BYTES: Final = 20

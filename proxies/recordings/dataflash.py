@@ -15,9 +15,9 @@ import struct
 from collections.abc import Iterator
 from typing import Any, NamedTuple
 
-from navigation import vehicle
-from proxies.mavlink.reports import flight_mode
-from proxies.recordings.recording import Recording
+from dyknow.navigation import vehicle
+from dyknow.proxies.mavlink.reports import flight_mode
+from dyknow.proxies.recordings.recording import Recording
 
 _HEAD = b"\xa3\x95"
 _FMT = 0x80

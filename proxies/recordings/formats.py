@@ -3,11 +3,11 @@
 from pathlib import Path
 
 from dyknow.model.errors import TextError
-from proxies.recordings.dataflash import DataflashRecording
-from proxies.recordings.mcap_log import JournalRecording
-from proxies.recordings.recording import Recording
-from proxies.recordings.tlog import TelemetryRecording
-from proxies.recordings.ulog import UlogRecording
+from dyknow.proxies.recordings.dataflash import DataflashRecording
+from dyknow.proxies.recordings.mcap_log import JournalRecording
+from dyknow.proxies.recordings.recording import Recording
+from dyknow.proxies.recordings.tlog import TelemetryRecording
+from dyknow.proxies.recordings.ulog import UlogRecording
 
 FORMATS: dict[str, type[TelemetryRecording | DataflashRecording | UlogRecording | JournalRecording]] = {
     ".tlog": TelemetryRecording,

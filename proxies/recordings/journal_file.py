@@ -19,7 +19,8 @@ from typing import Any, Final, NamedTuple, TypeAlias, get_args
 import msgpack
 from mcap.records import Channel, Header, Message, Metadata
 
-from agents.effects import (
+from dyknow import NO_VALUE, Predicted, Quality, Sample
+from dyknow.agents.effects import (
     Computed,
     Event,
     Fed,
@@ -34,18 +35,17 @@ from agents.effects import (
     Specify,
     Waited,
 )
-from dyknow import NO_VALUE, Predicted, Quality, Sample
+from dyknow.federation.transport import WireEvent
 from dyknow.model.errors import DecodeError
 from dyknow.model.instants import MAX_DURATION_US
+from dyknow.navigation.fences import FenceArea, FenceKind
+from dyknow.navigation.heard_aircraft import HeardAircraft
+from dyknow.navigation.mission_plans import MissionItem, MissionStep
+from dyknow.navigation.vehicle import ImageDetection, LinkLossAction, Report
 from dyknow.network.process import Outcome
-from federation.transport import WireEvent
-from navigation.fences import FenceArea, FenceKind
-from navigation.heard_aircraft import HeardAircraft
-from navigation.mission_plans import MissionItem, MissionStep
-from navigation.vehicle import ImageDetection, LinkLossAction, Report
-from proxies.recordings.event_fields import made, shown
-from proxies.recordings.mcap_records import McapItem, McapRecords, Unread
-from proxies.recordings.packed_lengths import check_lengths
+from dyknow.proxies.recordings.event_fields import made, shown
+from dyknow.proxies.recordings.mcap_records import McapItem, McapRecords, Unread
+from dyknow.proxies.recordings.packed_lengths import check_lengths
 
 EVENT, TIME, SHOWN, LOST, SAMPLES = "event", "time", "shown", "lost", "x/"
 ABOUT = "node"

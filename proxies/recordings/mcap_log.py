@@ -3,14 +3,22 @@
 from collections.abc import Iterator, Mapping
 from pathlib import Path
 
-from agents.effects import Reported
+from dyknow.agents.effects import Reported
+from dyknow.federation.members.clock import FederationClock
 from dyknow.model.errors import DecodeError
 from dyknow.model.instants import LATEST_US
-from federation.members.clock import FederationClock
-from navigation.vehicle import CommandResult, Report
-from proxies.recordings.journal_file import CLOCK_EPOCH, CLOCK_SPEED, REMEDY, Lost, Stepped, read_about, read_journal
-from proxies.recordings.mcap_records import Unread
-from proxies.recordings.recording import Recording
+from dyknow.navigation.vehicle import CommandResult, Report
+from dyknow.proxies.recordings.journal_file import (
+    CLOCK_EPOCH,
+    CLOCK_SPEED,
+    REMEDY,
+    Lost,
+    Stepped,
+    read_about,
+    read_journal,
+)
+from dyknow.proxies.recordings.mcap_records import Unread
+from dyknow.proxies.recordings.recording import Recording
 
 SLOWEST, FASTEST = 1e-6, 1e3
 """Speeds of a clock."""

@@ -17,7 +17,7 @@ from mcap.opcode import Opcode
 from mcap.records import Channel, Chunk, Header, Message, Metadata, Schema
 
 from dyknow.model.errors import DecodeError
-from proxies.files.named_files import opened_file
+from dyknow.proxies.files.named_files import opened_file
 
 MAGIC: Final = b"\x89MCAP0\r\n"
 LARGEST_CHUNK: Final = 4_000_000

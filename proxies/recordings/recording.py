@@ -10,7 +10,7 @@ from collections.abc import Iterator
 from pathlib import Path
 
 from dyknow.model.errors import DecodeError
-from navigation.vehicle import PositionReport, Report
+from dyknow.navigation.vehicle import PositionReport, Report
 
 _MOST_PROBLEMS = 20
 

@@ -8,8 +8,8 @@ import threading
 from collections.abc import Callable, Iterator
 
 from dyknow.model.errors import DecodeError
-from navigation.vehicle import BatteryReport, HomeReport, Report, StatusReport
-from proxies.recordings.recording import Recording
+from dyknow.navigation.vehicle import BatteryReport, HomeReport, Report, StatusReport
+from dyknow.proxies.recordings.recording import Recording
 
 _BEHIND_US = 1_000_000
 _LASTING = (BatteryReport, HomeReport, StatusReport)

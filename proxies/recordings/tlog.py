@@ -12,10 +12,10 @@ from pathlib import Path
 
 from pymavlink.dialects.v20 import ardupilotmega as mavlink
 
-from navigation.vehicle import Report
-from proxies.mavlink.frames import Frame, decoded, frame_at
-from proxies.mavlink.reports import VehicleReports, device_us, is_autopilot, tells_time
-from proxies.recordings.recording import Recording
+from dyknow.navigation.vehicle import Report
+from dyknow.proxies.mavlink.frames import Frame, decoded, frame_at
+from dyknow.proxies.mavlink.reports import VehicleReports, device_us, is_autopilot, tells_time
+from dyknow.proxies.recordings.recording import Recording
 
 _STAMP = struct.Struct(">Q")
 _EARLIEST_US, _LATEST_US = 946_684_800_000_000, 4_102_444_800_000_000  # the years 2000 and 2100

@@ -15,8 +15,8 @@ from collections.abc import Callable, Iterator
 from pathlib import Path
 from typing import Any, NamedTuple
 
-from navigation import vehicle
-from proxies.recordings.recording import Recording
+from dyknow.navigation import vehicle
+from dyknow.proxies.recordings.recording import Recording
 
 _MAGIC = b"ULog\x01\x12\x35"
 _SYNC = bytes((0x2F, 0x73, 0x13, 0x20, 0x25, 0x0C, 0xBB, 0x12))

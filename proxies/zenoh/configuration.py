@@ -14,8 +14,8 @@ from pathlib import Path
 from typing import Any, Literal
 from zlib import crc32
 
-from federation.keys import namespace
-from federation.messages.unpacking import MAX_BYTES
+from dyknow.federation.keys import namespace
+from dyknow.federation.messages.unpacking import MAX_BYTES
 
 MULTICAST_GROUP = "224.0.0.224"
 LOOPBACK = "lo"
@@ -38,7 +38,7 @@ class ZenohOptions:
         gossip: peers tell each other of third ones; without scouting the side with the greater identity then dials.
         roster: file of the roster, which is read again whenever it changes; certificates that it does not admit get no link.
         local: a further endpoint on loopback, with a backlog of its own: connections to the others do not delay it.
-        security: merged over the rest: mutual TLS and access control, as `federation.security.tls` makes it.
+        security: merged over the rest: mutual TLS and access control, as `dyknow.federation.security.tls` makes it.
     """
 
     federation: str = "default"

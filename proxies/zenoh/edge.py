@@ -18,13 +18,13 @@ from typing import Any, TypeAlias, TypeVar
 import zenoh
 from zenoh.handlers import Callback
 
+from dyknow.federation import transport as wire
 from dyknow.model.errors import SessionFailed
-from federation import transport as wire
-from proxies.zenoh.configuration import ZenohOptions, zenoh_config
-from proxies.zenoh.link_gate import LinkGate
-from proxies.zenoh.open_questions import OpenAsks
-from proxies.zenoh.session_exchange import Exchange, Step, leave_within
-from proxies.zenoh.tcp_close import Closing
+from dyknow.proxies.zenoh.configuration import ZenohOptions, zenoh_config
+from dyknow.proxies.zenoh.link_gate import LinkGate
+from dyknow.proxies.zenoh.open_questions import OpenAsks
+from dyknow.proxies.zenoh.session_exchange import Exchange, Step, leave_within
+from dyknow.proxies.zenoh.tcp_close import Closing
 
 T = TypeVar("T")
 Declaration: TypeAlias = wire.Subscribe | wire.DeclareQueryable | wire.DeclareToken | wire.WatchTokens

@@ -23,11 +23,11 @@ from ipaddress import ip_address
 from pathlib import Path
 from typing import Any, TypeAlias
 
+from dyknow.federation.security.tls import LINKS, SESSIONS, named_until
+from dyknow.federation.security.trust import Roster
+from dyknow.federation.transport import CertificateEnds, HandlerFailed, LinkClosed, RosterKept, RosterRead
 from dyknow.model.errors import RosterError
-from federation.security.tls import LINKS, SESSIONS, named_until
-from federation.security.trust import Roster
-from federation.transport import CertificateEnds, HandlerFailed, LinkClosed, RosterKept, RosterRead
-from proxies.files.named_files import bounded_text
+from dyknow.proxies.files.named_files import bounded_text
 
 Post: TypeAlias = Callable[[LinkClosed | RosterRead | RosterKept | CertificateEnds | HandlerFailed], None]
 Address: TypeAlias = tuple[str, int]

@@ -35,7 +35,7 @@ def _trouble(endpoint: str) -> str:
 
 
 def _mismatch(endpoint: str, host: str, certificate: bytes) -> str:
-    from federation.security.tls import hosts_of
+    from dyknow.federation.security.tls import hosts_of
 
     hosts = hosts_of(certificate)
     return "" if host in hosts else f"the certificate at {endpoint} is for {', '.join(hosts)}: dyknow roster add --host"

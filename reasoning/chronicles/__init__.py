@@ -1,7 +1,7 @@
 """Chronicles: complex events described by events and times between them, recognised online (thesis 8.2-8.4)."""
 
-from reasoning.chronicles.definition.compilation import Compiled, compile_chronicle
-from reasoning.chronicles.definition.domains import (
+from dyknow.reasoning.chronicles.definition.compilation import Compiled, compile_chronicle
+from dyknow.reasoning.chronicles.definition.domains import (
     Combination,
     Complement,
     Domain,
@@ -10,7 +10,7 @@ from reasoning.chronicles.definition.domains import (
     SymbolSet,
     symbol_set,
 )
-from reasoning.chronicles.definition.model import (
+from dyknow.reasoning.chronicles.definition.model import (
     ANY,
     VALUE,
     Attribute,
@@ -42,7 +42,7 @@ from reasoning.chronicles.definition.model import (
     Use,
     Variables,
 )
-from reasoning.chronicles.definition.times import (
+from dyknow.reasoning.chronicles.definition.times import (
     ComplexConstraint,
     ConstraintUse,
     Distance,
@@ -51,11 +51,11 @@ from reasoning.chronicles.definition.times import (
     TimeOrder,
     TimePoint,
 )
-from reasoning.chronicles.recognition.changes import ChangeEvents, symbol
-from reasoning.chronicles.recognition.expectation import Partial
-from reasoning.chronicles.recognition.matching import ChronicleInstance, RecognitionLimits
-from reasoning.chronicles.recognition.recogniser import Recogniser
-from reasoning.chronicles.recognition.stores import MINUS_INFINITY
+from dyknow.reasoning.chronicles.recognition.changes import ChangeEvents, symbol
+from dyknow.reasoning.chronicles.recognition.expectation import Partial
+from dyknow.reasoning.chronicles.recognition.matching import ChronicleInstance, RecognitionLimits
+from dyknow.reasoning.chronicles.recognition.recogniser import Recogniser
+from dyknow.reasoning.chronicles.recognition.stores import MINUS_INFINITY
 
 __all__ = [
     "ANY",

@@ -13,8 +13,8 @@ from typing import Final, NamedTuple
 
 import numpy as np
 
-from reasoning.features.well_clear import AMONG_SMALL, LOOKAHEAD_S, Thresholds
-from reasoning.features.well_clear_arrays import Booleans, Floats, violation_intervals
+from dyknow.reasoning.features.well_clear import AMONG_SMALL, LOOKAHEAD_S, Thresholds
+from dyknow.reasoning.features.well_clear_arrays import Booleans, Floats, violation_intervals
 
 _NOTHING: Final = 1e-9
 _NEAR_ULPS: Final = 2**40

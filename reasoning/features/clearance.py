@@ -10,9 +10,21 @@ modified tau unless they are nearer than that distance plus the relative speed t
 import math
 from typing import Final, NamedTuple
 
-from reasoning.features.well_clear import AMONG_SMALL, LOOKAHEAD_S, Thresholds
-from reasoning.formulas.evaluation import TRUE, EvaluationCompiler, Moment
-from reasoning.formulas.tree import Always, And, Compare, Const, Duration, Feature, Formula, Implies, Not, Or, walk
+from dyknow.reasoning.features.well_clear import AMONG_SMALL, LOOKAHEAD_S, Thresholds
+from dyknow.reasoning.formulas.evaluation import TRUE, EvaluationCompiler, Moment
+from dyknow.reasoning.formulas.tree import (
+    Always,
+    And,
+    Compare,
+    Const,
+    Duration,
+    Feature,
+    Formula,
+    Implies,
+    Not,
+    Or,
+    walk,
+)
 
 FAR_M: Final = 1e9
 """Features of two aircraft farther apart than this may not be numbers."""

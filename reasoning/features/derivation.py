@@ -16,9 +16,15 @@ from dyknow.model.instants import US_PER_S
 from dyknow.model.labels import Label
 from dyknow.model.sample import Value
 from dyknow.model.values import NO_VALUE
-from reasoning.features.clearance import FAR_M, Clearance
-from reasoning.features.proximity import are_beyond, closest_approach, fence_margin_m, horizontal_miss_m, offset_m
-from reasoning.features.well_clear import AMONG_SMALL, Thresholds, is_well_clear, time_to_violation_s
+from dyknow.reasoning.features.clearance import FAR_M, Clearance
+from dyknow.reasoning.features.proximity import (
+    are_beyond,
+    closest_approach,
+    fence_margin_m,
+    horizontal_miss_m,
+    offset_m,
+)
+from dyknow.reasoning.features.well_clear import AMONG_SMALL, Thresholds, is_well_clear, time_to_violation_s
 
 POSITION: Final = "heli-position"
 ALTITUDE: Final = "heli-altitude"
@@ -100,7 +106,8 @@ class Derivation:
     """Values of the derived features of one formula.
 
     Args:
-        labels: the features, e.g. `reasoning.required_labels(formula)`; labels that are not derived are left alone.
+        labels: the features, e.g. `dyknow.reasoning.required_labels(formula)`; labels that are not derived are left
+            alone.
         vertical: `heli-altitude`, or `heli-height` to compare heights above different homes.
         fence: corners (latitude, longitude) in degrees, for `fence_margin`.
         first: the inputs of this unit stand before the others.

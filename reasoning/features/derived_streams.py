@@ -14,7 +14,7 @@ from dyknow.network.processes import OnDemand
 from dyknow.objects.object_streams import ObjectFeature
 from dyknow.policies.policy import Policy
 from dyknow.policies.sampling import Grid
-from reasoning.features.derivation import FEATURES, Derivation, FeatureInput
+from dyknow.reasoning.features.derivation import FEATURES, Derivation, FeatureInput
 
 Find: TypeAlias = Callable[[FeatureInput], tuple[Label, Callable[[Value], Value]]]
 """The local label of an input, and how its values become those of the semantic label."""

@@ -9,10 +9,10 @@ from typing import Final
 
 from dyknow.model.sample import Value
 from dyknow.model.values import NO_VALUE, Field, Sort
+from dyknow.navigation.geodesy import metres_per_degree
 from dyknow.objects.object_streams import View, ViewOf
-from navigation.geodesy import metres_per_degree
-from reasoning.features.derivation import ALTITUDE, POSITION, VELOCITY
-from reasoning.features.derived_streams import UNPLACED
+from dyknow.reasoning.features.derivation import ALTITUDE, POSITION, VELOCITY
+from dyknow.reasoning.features.derived_streams import UNPLACED
 
 _POSITION = Sort("position", (Field("latitude_deg", "deg"), Field("longitude_deg", "deg")))
 _UNPLACED = Sort(UNPLACED, _POSITION.fields)

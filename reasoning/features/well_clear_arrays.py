@@ -1,4 +1,4 @@
-"""Well clear of many pairs at once: `reasoning.features.well_clear` over arrays, the same formulas element by element.
+"""Well clear of many pairs at once: the formulas of `dyknow.reasoning.features.well_clear` on whole arrays.
 
 Positions and velocities are arrays (..., 3) of metres and m/s that broadcast against each other, relative as there.
 """
@@ -8,7 +8,7 @@ from typing import Final, TypeAlias
 import numpy as np
 from numpy.typing import NDArray
 
-from reasoning.features.well_clear import AMONG_SMALL, LOOKAHEAD_S, Thresholds
+from dyknow.reasoning.features.well_clear import AMONG_SMALL, LOOKAHEAD_S, Thresholds
 
 Floats: TypeAlias = NDArray[np.float64]
 Booleans: TypeAlias = NDArray[np.bool_]

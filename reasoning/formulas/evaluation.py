@@ -15,7 +15,7 @@ from typing import Any, Final, Literal, NamedTuple, TypeAlias
 from dyknow.model.errors import TextError
 from dyknow.model.sample import Value
 from dyknow.model.values import NO_VALUE
-from reasoning.formulas import tree
+from dyknow.reasoning.formulas import tree
 
 NoValuePolicy: TypeAlias = Literal["undecided", "false", "true", "skip"]
 Truth: TypeAlias = bool | None

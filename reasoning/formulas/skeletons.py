@@ -8,8 +8,8 @@ from dataclasses import dataclass
 from typing import Final, Literal, NamedTuple, TypeAlias
 
 from dyknow.model.errors import TextError
-from reasoning.formulas import tree
-from reasoning.formulas.evaluation import EvaluationCompiler
+from dyknow.reasoning.formulas import tree
+from dyknow.reasoning.formulas.evaluation import EvaluationCompiler
 
 Kind: TypeAlias = Literal["atom", "constant", "and", "or", "always", "eventually", "until", "release", "growing"]
 _DUAL: Final[dict[Kind, Kind]] = {"and": "or", "always": "eventually", "until": "release"}

@@ -11,9 +11,9 @@ from types import MappingProxyType
 from typing import Any, Final, Literal, NamedTuple
 
 from dyknow.model.sample import Value
-from reasoning.formulas.evaluation import Moment
-from reasoning.progression.explaining import Explanation
-from reasoning.progression.restarting import Startable, is_pending
+from dyknow.reasoning.formulas.evaluation import Moment
+from dyknow.reasoning.progression.explaining import Explanation
+from dyknow.reasoning.progression.restarting import Startable, is_pending
 
 LONGEST_WAIT: Final = 10_000
 """Runs of undecided states kept in order while an alarm is open; older ones are still obligations, not clean states."""

@@ -16,9 +16,9 @@ from typing import Final, NamedTuple, TypeGuard
 
 from dyknow.model.errors import TextError
 from dyknow.model.sample import Value
-from reasoning.formulas import tree
-from reasoning.formulas.evaluation import UNDECIDED, EvaluationCompiler, Moment
-from reasoning.progression.changes import Changes
+from dyknow.reasoning.formulas import tree
+from dyknow.reasoning.formulas.evaluation import UNDECIDED, EvaluationCompiler, Moment
+from dyknow.reasoning.progression.changes import Changes
 
 Distance = Callable[[Moment], float | None]
 _FAR: Final = (-inf, inf, None)

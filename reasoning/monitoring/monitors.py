@@ -11,16 +11,16 @@ from typing import Literal, TypeAlias
 
 from dyknow.model.errors import TextError, UnknownLabel
 from dyknow.model.sample import Value
-from reasoning.formulas.evaluation import Moment, NoValuePolicy
-from reasoning.formulas.tree import Always, Domains, Exists, Forall, Formula, required_labels, walk
-from reasoning.monitoring.alarms import AlarmEvent, Change, Watch, opening
-from reasoning.monitoring.inputs import Freshness, MonitorInputs
-from reasoning.monitoring.margins import Margins
-from reasoning.progression.automaton import Verdict
-from reasoning.progression.changes import Changes, lacking
-from reasoning.progression.engine import Progressing, make_progression
-from reasoning.progression.explaining import Explanation
-from reasoning.progression.restarting import restartable
+from dyknow.reasoning.formulas.evaluation import Moment, NoValuePolicy
+from dyknow.reasoning.formulas.tree import Always, Domains, Exists, Forall, Formula, required_labels, walk
+from dyknow.reasoning.monitoring.alarms import AlarmEvent, Change, Watch, opening
+from dyknow.reasoning.monitoring.inputs import Freshness, MonitorInputs
+from dyknow.reasoning.monitoring.margins import Margins
+from dyknow.reasoning.progression.automaton import Verdict
+from dyknow.reasoning.progression.changes import Changes, lacking
+from dyknow.reasoning.progression.engine import Progressing, make_progression
+from dyknow.reasoning.progression.explaining import Explanation
+from dyknow.reasoning.progression.restarting import restartable
 
 _new = tuple.__new__  # makes a NamedTuple in half the time; every state of a monitor is one
 

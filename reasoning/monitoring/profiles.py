@@ -15,9 +15,9 @@ from dyknow.documents.documents import toml_document
 from dyknow.documents.tables import DocumentTable, is_number, shown
 from dyknow.model.errors import TextError
 from dyknow.model.instants import US_PER_S, parse_duration
-from reasoning.features.derivation import ALTITUDE, FEATURES, HEIGHT, needed_labels
-from reasoning.features.well_clear import AMONG_SMALL, Thresholds
-from reasoning.formulas.evaluation import NoValuePolicy
+from dyknow.reasoning.features.derivation import ALTITUDE, FEATURES, HEIGHT, needed_labels
+from dyknow.reasoning.features.well_clear import AMONG_SMALL, Thresholds
+from dyknow.reasoning.formulas.evaluation import NoValuePolicy
 
 Threshold: TypeAlias = float | str
 """A number, or a time with suffix."""
@@ -80,7 +80,7 @@ class Profile:
 def builtin_profiles() -> Mapping[str, Profile]:
     """The profiles that come with this package, by name."""
     return parse_profiles(
-        files("reasoning.monitoring").joinpath("profiles.toml").read_text(encoding="utf-8"), "profiles.toml"
+        files("dyknow.reasoning.monitoring").joinpath("profiles.toml").read_text(encoding="utf-8"), "profiles.toml"
     )
 
 

@@ -18,10 +18,10 @@ from dyknow.model.instants import US_PER_MS
 from dyknow.model.labels import Label
 from dyknow.model.sample import Value
 from dyknow.model.values import NO_VALUE
-from reasoning.formulas.evaluation import NoValuePolicy
-from reasoning.formulas.tree import Domains, Exists, Feature, Forall, Formula, Variable, walk
-from reasoning.progression.automaton import Verdict
-from reasoning.progression.engine import Progressing, make_progression
+from dyknow.reasoning.formulas.evaluation import NoValuePolicy
+from dyknow.reasoning.formulas.tree import Domains, Exists, Feature, Forall, Formula, Variable, walk
+from dyknow.reasoning.progression.automaton import Verdict
+from dyknow.reasoning.progression.engine import Progressing, make_progression
 
 
 class TraceState(NamedTuple):

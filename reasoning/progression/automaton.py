@@ -9,9 +9,9 @@ from collections.abc import Iterable, Sequence
 from functools import lru_cache
 from typing import Any, Final, Literal, NamedTuple, Protocol, TypeAlias
 
-from reasoning.formulas.evaluation import Moment
-from reasoning.formulas.skeletons import Skeleton, SkeletonNode
-from reasoning.progression.clauses import (
+from dyknow.reasoning.formulas.evaluation import Moment
+from dyknow.reasoning.formulas.skeletons import Skeleton, SkeletonNode
+from dyknow.reasoning.progression.clauses import (
     DECIDED,
     FALSE,
     FOREVER,

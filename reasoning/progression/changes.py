@@ -4,8 +4,8 @@ from collections.abc import Collection, Mapping
 
 from dyknow.model.sample import Value
 from dyknow.model.values import NO_VALUE
-from reasoning.formulas.evaluation import is_missing
-from reasoning.formulas.tree import Formula, Since, walk
+from dyknow.reasoning.formulas.evaluation import is_missing
+from dyknow.reasoning.formulas.tree import Formula, Since, walk
 
 
 def lacking(labels: Collection[str], values: Mapping[str, Value]) -> tuple[str, ...]:

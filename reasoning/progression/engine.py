@@ -22,10 +22,10 @@ from types import MappingProxyType
 from typing import Literal, NamedTuple, Protocol, TypeAlias
 
 from dyknow.model.sample import Value
-from reasoning.formulas.evaluation import EvaluationCompiler, Moment, NoValuePolicy, Test
-from reasoning.formulas.skeletons import TakenApart, take_apart
-from reasoning.formulas.tree import Domains, Exists, Forall, Formula, Since, required_labels, walk
-from reasoning.progression.automaton import (
+from dyknow.reasoning.formulas.evaluation import EvaluationCompiler, Moment, NoValuePolicy, Test
+from dyknow.reasoning.formulas.skeletons import TakenApart, take_apart
+from dyknow.reasoning.formulas.tree import Domains, Exists, Forall, Formula, Since, required_labels, walk
+from dyknow.reasoning.progression.automaton import (
     LIMIT_GAPS,
     Automaton,
     AutomatonState,
@@ -35,10 +35,10 @@ from reasoning.progression.automaton import (
     automaton,
     moved,
 )
-from reasoning.progression.changes import Changes, lacking
-from reasoning.progression.clauses import Clauses, size
-from reasoning.progression.explaining import Explainer, Explanation
-from reasoning.progression.restarting import progressor_of
+from dyknow.reasoning.progression.changes import Changes, lacking
+from dyknow.reasoning.progression.clauses import Clauses, size
+from dyknow.reasoning.progression.explaining import Explainer, Explanation
+from dyknow.reasoning.progression.restarting import progressor_of
 
 Way: TypeAlias = Literal["object", "deadlines"]
 _NOTHING: Mapping[str, int] = MappingProxyType({})

@@ -10,11 +10,11 @@ from typing import NamedTuple
 
 from dyknow.model.sample import Value
 from dyknow.model.values import NO_VALUE
-from reasoning.formulas import tree
-from reasoning.formulas.evaluation import EvaluationCompiler, Moment
-from reasoning.formulas.skeletons import Binding, TakenApart
-from reasoning.progression.automaton import Progressor, TruthAssignment
-from reasoning.progression.clauses import FALSE, FOREVER, TRUE, UNKNOWN_NUMBER, Block, Clauses, Obligation
+from dyknow.reasoning.formulas import tree
+from dyknow.reasoning.formulas.evaluation import EvaluationCompiler, Moment
+from dyknow.reasoning.formulas.skeletons import Binding, TakenApart
+from dyknow.reasoning.progression.automaton import Progressor, TruthAssignment
+from dyknow.reasoning.progression.clauses import FALSE, FOREVER, TRUE, UNKNOWN_NUMBER, Block, Clauses, Obligation
 
 
 class Explanation(NamedTuple):

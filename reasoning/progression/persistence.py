@@ -3,9 +3,9 @@
 Over states that are all alike a temporal operator is about its operand alone: `always` and `eventually` are the same.
 """
 
-from reasoning.formulas.skeletons import Skeleton
-from reasoning.progression.automaton import Progressor, TruthAssignment
-from reasoning.progression.clauses import OPEN, UNKNOWN_NUMBER, Block, Clauses
+from dyknow.reasoning.formulas.skeletons import Skeleton
+from dyknow.reasoning.progression.automaton import Progressor, TruthAssignment
+from dyknow.reasoning.progression.clauses import OPEN, UNKNOWN_NUMBER, Block, Clauses
 
 
 def holds_if_all_persists(clauses: Clauses, progressor: Progressor, assignment: TruthAssignment) -> bool:

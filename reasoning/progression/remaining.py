@@ -8,10 +8,10 @@ from collections.abc import Iterable, Sequence
 from dataclasses import replace
 from typing import Final
 
-from reasoning.formulas.skeletons import TakenApart
-from reasoning.formulas.tree import Always, And, Const, Eventually, Feature, Formula, Not, Or, Until
-from reasoning.progression.clauses import FOREVER, UNKNOWN_NUMBER, Block, Clause, Clauses, Literal
-from reasoning.progression.engine import FastProgression, Progressing
+from dyknow.reasoning.formulas.skeletons import TakenApart
+from dyknow.reasoning.formulas.tree import Always, And, Const, Eventually, Feature, Formula, Not, Or, Until
+from dyknow.reasoning.progression.clauses import FOREVER, UNKNOWN_NUMBER, Block, Clause, Clauses, Literal
+from dyknow.reasoning.progression.engine import FastProgression, Progressing
 
 UNDECIDED: Final = Feature("no_value")
 """Stands for a formula that is undecided for ever: a feature that never has a value."""

@@ -8,12 +8,28 @@ from collections.abc import Callable, Sequence
 from functools import cached_property
 from typing import Any, Final, Protocol
 
-from reasoning.formulas.evaluation import TRUTHS, EvaluationCompiler, Moment, NoValuePolicy, Test, Truth
-from reasoning.formulas.skeletons import TakenApart, take_apart
-from reasoning.formulas.tree import Domains, Exists, Forall, Formula, Not, domain_members, instantiate, is_temporal
-from reasoning.progression.automaton import Automaton, AutomatonState, Progressor, TruthAssignment, automaton, moved
-from reasoning.progression.clauses import DECIDED, FALSE, LIMIT_PRODUCT, TRUE, UNKNOWN, Clauses, Grown, conjoin
-from reasoning.progression.explaining import Explainer, Explanation
+from dyknow.reasoning.formulas.evaluation import TRUTHS, EvaluationCompiler, Moment, NoValuePolicy, Test, Truth
+from dyknow.reasoning.formulas.skeletons import TakenApart, take_apart
+from dyknow.reasoning.formulas.tree import (
+    Domains,
+    Exists,
+    Forall,
+    Formula,
+    Not,
+    domain_members,
+    instantiate,
+    is_temporal,
+)
+from dyknow.reasoning.progression.automaton import (
+    Automaton,
+    AutomatonState,
+    Progressor,
+    TruthAssignment,
+    automaton,
+    moved,
+)
+from dyknow.reasoning.progression.clauses import DECIDED, FALSE, LIMIT_PRODUCT, TRUE, UNKNOWN, Clauses, Grown, conjoin
+from dyknow.reasoning.progression.explaining import Explainer, Explanation
 
 FEW_MEMBERS: Final = 16
 CLAUSES_OF: Final = {True: TRUE, False: FALSE, None: UNKNOWN}

@@ -4,9 +4,9 @@ import json
 from pathlib import Path
 from typing import Any
 
+from dyknow.federation.messages.contents.areas import MAX_CORNERS
 from dyknow.model.errors import WrongCall
-from federation.messages.contents.areas import MAX_CORNERS
-from proxies.files.named_files import bounded_text
+from dyknow.proxies.files.named_files import bounded_text
 
 
 def corners_of(file: str) -> tuple[str, ...]:

@@ -1,7 +1,7 @@
 """The configuration of one platform process, as `dyknow up` and `dyknow join` hand it over (JSON, validated here).
 
 The options of vehicles are here, next to the tables of vehicles that are made of them; those of parts stand with the parts,
-see `agents.options`.
+see `dyknow.agents.options`.
 """
 
 from datetime import datetime
@@ -10,7 +10,7 @@ from typing import Annotated, Any, Final, Literal, TypeAlias
 
 from pydantic import BeforeValidator, Field, model_validator
 
-from agents.options import (
+from dyknow.agents.options import (
     Everywhere,
     Flag,
     Modules,
@@ -31,7 +31,7 @@ def _instant_text(given: Any) -> Any:
 
 
 InstantText: TypeAlias = Annotated[str, BeforeValidator(_instant_text)]
-"""An instant as `runtime.configuration.instants.instant_us` reads it."""
+"""An instant as `dyknow.runtime.configuration.instants.instant_us` reads it."""
 
 
 class SimulatedOptions(Options):
@@ -111,7 +111,7 @@ class WireConfig(Strict):
     federation: str = "default"
     listen: tuple[str, ...] = ()
     local: str | None = None
-    """A further endpoint on loopback, which programs of this machine dial: see `runtime.configuration.local_endpoints`."""
+    """A further endpoint on loopback, dialled by programs of this machine: `dyknow.runtime.configuration.local_endpoints`."""
     connect: tuple[str, ...] = ()
     discover: Literal["multicast", "none"] = "multicast"
     interface: str = "lo"
@@ -206,7 +206,7 @@ class TrustConfig(Strict):
 
 @composed(*platform_options())
 class NodeConfig(OptionsTable):
-    """One platform process; the options of its parts are those that `agents.options.platform_options` lists."""
+    """One platform process; the options of its parts are those that `dyknow.agents.options.platform_options` lists."""
 
     unit: str
     wire: WireConfig = WireConfig()
@@ -220,7 +220,7 @@ class NodeConfig(OptionsTable):
     """Semantic labels that not every platform has."""
     journal: Path | None = None
     extensions: Modules = ()
-    """Extensions that bring parts of the platform, by entry point or module; see `agents.extensions`."""
+    """Extensions that bring parts of the platform, by entry point or module; see `dyknow.agents.extensions`."""
     hosts: Path | None = None
     """The socket at which knowledge process hosts of this machine register."""
     metrics: int | None = Field(None, ge=1, le=65_535)

@@ -3,9 +3,9 @@
 import time
 from pathlib import Path
 
+from dyknow.federation.security.trust import Roster, RosterMember, Signer
 from dyknow.model.errors import RosterError, WrongCall
-from federation.security.trust import Roster, RosterMember, Signer
-from proxies.files.named_files import bounded_bytes, bounded_text
+from dyknow.proxies.files.named_files import bounded_bytes, bounded_text
 
 _OTHERS = 0o077
 LONGEST_FILE = 65_536
@@ -53,7 +53,7 @@ def checked_key(roster: Roster, unit: str, path: Path) -> bytes:
 
 def checked_certificate(member: RosterMember, certificate: Path) -> None:
     """Raises WrongCall for a certificate that is not the present one of the member, and its key if others may read it."""
-    from federation.security.tls import named_until
+    from dyknow.federation.security.tls import named_until
 
     unit = member.unit
     remedy = f"make another one: dyknow roster revoke {unit}, dyknow roster add {unit}"

@@ -5,11 +5,11 @@ from pathlib import Path
 from typing import Final
 
 from dyknow.model.errors import DecodeError, WrongCall
-from navigation.terrain.ascii_grid import MOST_BYTES, read_ascii_grid
-from navigation.terrain.elevation import Elevation
-from navigation.terrain.grid import HeightGrid
-from navigation.terrain.tiles import SIDES, read_tile
-from proxies.files.named_files import bounded_bytes
+from dyknow.navigation.terrain.ascii_grid import MOST_BYTES, read_ascii_grid
+from dyknow.navigation.terrain.elevation import Elevation
+from dyknow.navigation.terrain.grid import HeightGrid
+from dyknow.navigation.terrain.tiles import SIDES, read_tile
+from dyknow.proxies.files.named_files import bounded_bytes
 
 MOST_TOGETHER: Final = 512 * 2**20
 """Bytes of all tiles of a directory: they are kept in memory."""

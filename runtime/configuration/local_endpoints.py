@@ -11,9 +11,9 @@ from collections.abc import Iterable
 from contextlib import ExitStack
 from pathlib import Path
 
-from runtime.configuration.config import WireConfig
-from runtime.configuration.run_directory import joined_states, noted_state, read_state
-from runtime.configuration.session import host_of
+from dyknow.runtime.configuration.config import WireConfig
+from dyknow.runtime.configuration.run_directory import joined_states, noted_state, read_state
+from dyknow.runtime.configuration.session import host_of
 
 _LOOPBACK = "127.0.0.1"
 _GIVEN: set[int] = set()

@@ -3,9 +3,9 @@
 from collections.abc import Iterable
 from pathlib import Path
 
+from dyknow.federation.sharing.ontology import MAX_FILE, Ontology, default_ontology
 from dyknow.model.errors import WrongCall
-from federation.sharing.ontology import MAX_FILE, Ontology, default_ontology
-from proxies.files.named_files import bounded_text
+from dyknow.proxies.files.named_files import bounded_text
 
 
 def ontology_of(extensions: Iterable[str] = (), file: Path | None = None) -> Ontology:
@@ -18,7 +18,7 @@ def ontology_of(extensions: Iterable[str] = (), file: Path | None = None) -> Ont
     """
     ontology = default_ontology()
     if extensions:
-        from agents.extensions import labels_of
+        from dyknow.agents.extensions import labels_of
 
         ontology = labels_of(extensions)
     return ontology if file is None else ontology.extended(read_ontology(file), str(file))

@@ -7,15 +7,15 @@ from collections.abc import Sequence
 from pathlib import Path
 from typing import NamedTuple
 
+from dyknow.federation.security.trust import Signer
 from dyknow.model.errors import RosterError, WrongCall
-from federation.security.trust import Signer
-from proxies.files.named_files import bounded_bytes
-from runtime.configuration.config import TrustConfig, WireConfig
-from runtime.configuration.credentials import LONGEST_FILE, checked_certificate, checked_key, private_key
-from runtime.configuration.local_endpoints import dialled
-from runtime.configuration.run_directory import noted_state, read_state, run_directory
-from runtime.configuration.session import INSECURE_WIRE, host_of, read_roster
-from runtime.configuration.settings import Settings, UnitFile
+from dyknow.proxies.files.named_files import bounded_bytes
+from dyknow.runtime.configuration.config import TrustConfig, WireConfig
+from dyknow.runtime.configuration.credentials import LONGEST_FILE, checked_certificate, checked_key, private_key
+from dyknow.runtime.configuration.local_endpoints import dialled
+from dyknow.runtime.configuration.run_directory import noted_state, read_state, run_directory
+from dyknow.runtime.configuration.session import INSECURE_WIRE, host_of, read_roster
+from dyknow.runtime.configuration.settings import Settings, UnitFile
 
 COMMAND_CENTRE = "cc"
 """The member of a roster that commands and Python programs speak as without a key; each process adds its number."""
@@ -97,7 +97,7 @@ def _checked_certificate(settings: Settings, security: Path, unit: str, listen: 
     asked = [host_of(each) for each in listen if each.startswith("tls/") and host_of(each) not in _ALL_ADDRESSES]
     if not asked:
         return
-    from federation.security.tls import hosts_of
+    from dyknow.federation.security.tls import hosts_of
 
     hosts = hosts_of(bounded_bytes(certificate, LONGEST_FILE))
     for host in asked:

@@ -2,23 +2,23 @@
 
 from pathlib import Path
 
-from agents.config import PlatformConfig
-from agents.exchange.options import TranslationOptions
-from agents.extensions import load_extension
-from agents.monitoring.options import MonitoringOptions
-from agents.specification.options import RunOptions, SpecificationOptions
-from compunits import catalogue
+from dyknow.agents.config import PlatformConfig
+from dyknow.agents.exchange.options import TranslationOptions
+from dyknow.agents.extensions import load_extension
+from dyknow.agents.monitoring.options import MonitoringOptions
+from dyknow.agents.specification.options import RunOptions, SpecificationOptions
+from dyknow.compunits import catalogue
+from dyknow.federation.members.clock import FederationClock
+from dyknow.federation.sharing.ontology import Ontology
+from dyknow.federation.sharing.translation import Translation
 from dyknow.model.errors import WrongCall
-from federation.members.clock import FederationClock
-from federation.sharing.ontology import Ontology
-from federation.sharing.translation import Translation
-from proxies.files.named_files import bounded_text
-from reasoning import Profile, builtin_profiles, parse_profiles
-from runtime.configuration.config import NodeConfig
-from runtime.configuration.ontologies import ontology_of
-from runtime.configuration.road_files import read_roads
-from runtime.configuration.session import load_trust
-from runtime.learnt_files import LearntFiles
+from dyknow.proxies.files.named_files import bounded_text
+from dyknow.reasoning import Profile, builtin_profiles, parse_profiles
+from dyknow.runtime.configuration.config import NodeConfig
+from dyknow.runtime.configuration.ontologies import ontology_of
+from dyknow.runtime.configuration.road_files import read_roads
+from dyknow.runtime.configuration.session import load_trust
+from dyknow.runtime.learnt_files import LearntFiles
 
 
 def read_translation(ontology: Ontology, file: Path) -> Translation:

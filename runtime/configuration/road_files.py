@@ -3,16 +3,16 @@
 import os
 from pathlib import Path
 
-from anchoring.roads.network import RoadNetwork
+from dyknow.anchoring.roads.network import RoadNetwork
+from dyknow.kpl.linking.roads import APART_M
 from dyknow.model.errors import WrongCall
-from kpl.linking.roads import APART_M
-from navigation.cameras.rig import CameraRig
-from proxies.files.named_files import opened_file
+from dyknow.navigation.cameras.rig import CameraRig
+from dyknow.proxies.files.named_files import opened_file
 
 
 def read_bytes(file: Path, option: str) -> bytes:
     """The bytes of a file of roads, at most one more than is allowed; raises WrongCall."""
-    from anchoring.roads.files.problems import MOST_BYTES
+    from dyknow.anchoring.roads.files.problems import MOST_BYTES
 
     try:
         with opened_file(file) as text:
@@ -31,7 +31,7 @@ def read_bytes(file: Path, option: str) -> bytes:
 
 def read_roads(file: Path) -> RoadNetwork:
     """The road network of a file; raises WrongCall and RoadsError."""
-    from anchoring.roads.files.formats import survey_any
+    from dyknow.anchoring.roads.files.formats import survey_any
 
     return survey_any(read_bytes(file, "--roads")).required(str(file))
 

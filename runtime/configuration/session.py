@@ -6,13 +6,13 @@ from ipaddress import ip_address
 from pathlib import Path
 from typing import NamedTuple
 
+from dyknow.federation.security.trust import Roster, Trust
 from dyknow.model.errors import RosterError
-from federation.security.trust import Roster, Trust
-from proxies.files.named_files import bounded_text
-from proxies.zenoh.configuration import LOOPBACK, ZenohOptions
-from runtime.accepted_acts import read_accepted
-from runtime.configuration.config import TrustConfig, WireConfig
-from runtime.configuration.credentials import checked_key
+from dyknow.proxies.files.named_files import bounded_text
+from dyknow.proxies.zenoh.configuration import LOOPBACK, ZenohOptions
+from dyknow.runtime.accepted_acts import read_accepted
+from dyknow.runtime.configuration.config import TrustConfig, WireConfig
+from dyknow.runtime.configuration.credentials import checked_key
 
 INSECURE_WIRE = "DYKNOW_INSECURE_WIRE"
 """Set to 1 in tests: a federation with a roster goes without TLS."""

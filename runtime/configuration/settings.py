@@ -12,7 +12,7 @@ from typing import Any, Literal
 
 from pydantic import Field, ValidationError
 
-from agents.options import (
+from dyknow.agents.options import (
     BASE,
     Items,
     Modules,
@@ -25,8 +25,8 @@ from agents.options import (
     with_everywhere,
 )
 from dyknow.model.errors import WrongCall, did_you_mean
-from runtime.configuration.config import VEHICLE_OPTIONS, EndpointOptions, InstantText, ReplayOptions
-from runtime.configuration.toml import explained, read_model, read_toml
+from dyknow.runtime.configuration.config import VEHICLE_OPTIONS, EndpointOptions, InstantText, ReplayOptions
+from dyknow.runtime.configuration.toml import explained, read_model, read_toml
 
 _NAME = re.compile(r"(?=.{1,64}\Z)[a-z0-9][a-z0-9_-]*")
 
@@ -68,7 +68,7 @@ class Settings(Strict):
     ontology: OptionPath | None = None
     """File of semantic labels that not every platform has."""
     extensions: Modules = ()
-    """Modules with commands, or with parts of platforms; see `agents.extensions`."""
+    """Modules with commands, or with parts of platforms; see `dyknow.agents.extensions`."""
     units: int | None = Field(default=None, ge=0, le=250)
     scenario: str | None = None
     seed: int | None = None

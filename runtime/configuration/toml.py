@@ -9,7 +9,7 @@ from pydantic import BaseModel, ValidationError
 from dyknow.documents.documents import toml_document
 from dyknow.documents.places import toml_lines
 from dyknow.model.errors import TextErrors, WrongCall, did_you_mean
-from proxies.files.named_files import bounded_text
+from dyknow.proxies.files.named_files import bounded_text
 
 M = TypeVar("M", bound=BaseModel)
 MOST_MISTAKES: Final = 50

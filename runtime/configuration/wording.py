@@ -7,13 +7,13 @@ from typing import TYPE_CHECKING, Any, get_args, get_origin
 from pydantic import ValidationError
 
 from dyknow.documents.durations import SHORTEST_US, duration_us
+from dyknow.federation.messages.contents import Content, When
 from dyknow.model.errors import WrongCall, did_you_mean
-from federation.messages.contents import Content, When
-from runtime.configuration.areas import corners_of
-from runtime.configuration.instants import instant_us
+from dyknow.runtime.configuration.areas import corners_of
+from dyknow.runtime.configuration.instants import instant_us
 
 if TYPE_CHECKING:
-    from agents.actions import Action
+    from dyknow.agents.actions import Action
 
 LONGEST_WAIT_S = 3600
 _WORDS = {"true": True, "yes": True, "on": True, "false": False, "no": False, "off": False}
@@ -26,11 +26,11 @@ def typed(extensions: tuple[str, ...] = ()) -> "Mapping[str, Action]":
     Raises:
         UnitError: an extension does not load.
     """
-    from agents.capabilities.capability import typed_requests
+    from dyknow.agents.capabilities.capability import typed_requests
 
     if not extensions:
         return typed_requests()
-    from agents.extensions import typed_actions  # loads all parts of a platform, which takes 0.4 s
+    from dyknow.agents.extensions import typed_actions  # loads all parts of a platform, which takes 0.4 s
 
     return {**typed_requests(), **typed_actions(extensions)}
 
@@ -82,7 +82,7 @@ def content_when(content: Content, condition: str, waits: str) -> Content:
         TextError: the formula is wrong.
         WrongCall: the time is none, or too long.
     """
-    from kpl import parse_formula
+    from dyknow.kpl import parse_formula
 
     parse_formula(condition)
     waits_s = duration_us(waits, option="--for", least_us=SHORTEST_US) / 1e6

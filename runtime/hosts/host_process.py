@@ -11,16 +11,16 @@ from pathlib import Path
 from queue import Empty, SimpleQueue
 from typing import Any, Final
 
-from agents.hosts.knowledge_host import KnowledgeHost, Read
-from agents.hosts.outbox import Outbox
 from dyknow import Sample
+from dyknow.agents.hosts.knowledge_host import KnowledgeHost, Read
+from dyknow.agents.hosts.outbox import Outbox
+from dyknow.federation.hosts.codec import decode_from_host, decode_from_platform, encode
+from dyknow.federation.hosts.messages import Beat, Begin, End, FromHost, HostFault, HostOutput, Refuse, Want, Welcome
+from dyknow.federation.members.clock import FederationClock
 from dyknow.model.errors import ContentError, DecodeError, EndpointFailed, Refused
-from federation.hosts.codec import decode_from_host, decode_from_platform, encode
-from federation.hosts.messages import Beat, Begin, End, FromHost, HostFault, HostOutput, Refuse, Want, Welcome
-from federation.members.clock import FederationClock
-from proxies.hosts.connection import BEAT_S, Line, connect
-from runtime.hosts.sources import SourceThread
-from runtime.loop import leave_alone_what_is_loaded
+from dyknow.proxies.hosts.connection import BEAT_S, Line, connect
+from dyknow.runtime.hosts.sources import SourceThread
+from dyknow.runtime.loop import leave_alone_what_is_loaded
 
 AGAIN_S: Final = 0.2
 TOGETHER: Final = 256

@@ -5,10 +5,10 @@ from collections import deque
 from collections.abc import Callable, Iterator, Sequence
 from typing import Any
 
-from agents.hosts.knowledge_host import Read, on_grid, reading
 from dyknow import Reading, Sample, SourcePrototype
+from dyknow.agents.hosts.knowledge_host import Read, on_grid, reading
+from dyknow.federation.hosts.messages import KEPT
 from dyknow.policies.sampling import Grid
-from federation.hosts.messages import KEPT
 
 
 class SourceThread:

@@ -18,9 +18,19 @@ from mcap.writer import CompressionType, Writer
 
 from dyknow.model.sample import Sample
 from dyknow.model.values import NO_VALUE
-from proxies.recordings.journal_file import ABOUT, EVENT, LOST, SAMPLES, SHOWN, TIME, Entry, Stepped, encode_event
-from runtime.clock import ReplayedStopwatch, Stopwatch
-from runtime.loop import SteppedNode
+from dyknow.proxies.recordings.journal_file import (
+    ABOUT,
+    EVENT,
+    LOST,
+    SAMPLES,
+    SHOWN,
+    TIME,
+    Entry,
+    Stepped,
+    encode_event,
+)
+from dyknow.runtime.clock import ReplayedStopwatch, Stopwatch
+from dyknow.runtime.loop import SteppedNode
 
 F = TypeVar("F")
 

@@ -10,16 +10,16 @@ from pathlib import Path
 
 from pydantic import ValidationError
 
-from agents.capabilities.flight.flight import FlightAgent
-from agents.capabilities.flight.vehicle_streams import ESTIMATE
-from agents.effects import Effect, Tell
-from agents.platform import Platform
-from agents.specification.options import RunOptions
 from dyknow import Policy, Predicted, Quality, Sample, of_json
+from dyknow.agents.capabilities.flight.flight import FlightAgent
+from dyknow.agents.capabilities.flight.vehicle_streams import ESTIMATE
+from dyknow.agents.effects import Effect, Tell
+from dyknow.agents.platform import Platform
+from dyknow.agents.specification.options import RunOptions
+from dyknow.federation.members.clock import FederationClock
+from dyknow.federation.messages.contents.parts import in_words
 from dyknow.model.errors import DecodeError, WrongCall
-from federation.members.clock import FederationClock
-from federation.messages.contents.parts import in_words
-from proxies.recordings.journal_file import (
+from dyknow.proxies.recordings.journal_file import (
     CLOCK_EPOCH,
     CLOCK_SPEED,
     REMEDY,
@@ -29,12 +29,12 @@ from proxies.recordings.journal_file import (
     read_about,
     read_journal,
 )
-from proxies.recordings.mcap_log import recorded_clock
-from proxies.recordings.mcap_records import Unread
-from runtime.clock import ReplayedStopwatch, Stopwatch
-from runtime.configuration.config import NodeConfig
-from runtime.configuration.resolved import platform_config
-from runtime.journal.journal import Journal, Journalled, replayed
+from dyknow.proxies.recordings.mcap_log import recorded_clock
+from dyknow.proxies.recordings.mcap_records import Unread
+from dyknow.runtime.clock import ReplayedStopwatch, Stopwatch
+from dyknow.runtime.configuration.config import NodeConfig
+from dyknow.runtime.configuration.resolved import platform_config
+from dyknow.runtime.journal.journal import Journal, Journalled, replayed
 
 
 def about(config: NodeConfig, clock: FederationClock) -> dict[str, str]:

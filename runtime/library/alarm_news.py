@@ -3,14 +3,14 @@
 from collections.abc import Iterator
 from typing import TYPE_CHECKING, Any, TypeAlias
 
-from federation.members.liveness import SUSPECT_US, PeerState
-from federation.messages.contents import Alarm, Alarms, MonitorChange, MonitorChanges
-from runtime.client import Client, Job
-from runtime.library.jobs import Subscriptions, all_platforms
-from runtime.library.results import PlatformChange
+from dyknow.federation.members.liveness import SUSPECT_US, PeerState
+from dyknow.federation.messages.contents import Alarm, Alarms, MonitorChange, MonitorChanges
+from dyknow.runtime.client import Client, Job
+from dyknow.runtime.library.jobs import Subscriptions, all_platforms
+from dyknow.runtime.library.results import PlatformChange
 
 if TYPE_CHECKING:
-    from runtime.library.feed import Feed  # asyncio takes commands a tenth of a second
+    from dyknow.runtime.library.feed import Feed  # asyncio takes commands a tenth of a second
 
 REMEMBERED = 10_000
 """Alarms by which repetitions are known: each is reported by every platform that it is about."""

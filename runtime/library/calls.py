@@ -4,18 +4,18 @@ from collections.abc import Callable
 from typing import TYPE_CHECKING, TypeAlias
 
 from dyknow.documents.durations import SHORTEST_US, duration_us
+from dyknow.federation.calls.call import StreamCall
+from dyknow.federation.calls.proposals import CallNews, WantedStream
+from dyknow.federation.keys import label as label_name
+from dyknow.federation.messages.codec import StreamSample
 from dyknow.model.errors import WrongCall
-from federation.calls.call import StreamCall
-from federation.calls.proposals import CallNews, WantedStream
-from federation.keys import label as label_name
-from federation.messages.codec import StreamSample
-from runtime.client import Client, Job, Wait
-from runtime.library.jobs import platforms
-from runtime.library.results import UnitSample
-from runtime.library.watched import WatchedStreams
+from dyknow.runtime.client import Client, Job, Wait
+from dyknow.runtime.library.jobs import platforms
+from dyknow.runtime.library.results import UnitSample
+from dyknow.runtime.library.watched import WatchedStreams
 
 if TYPE_CHECKING:
-    from runtime.library.feed import Feed  # asyncio takes commands a tenth of a second
+    from dyknow.runtime.library.feed import Feed  # asyncio takes commands a tenth of a second
 
 CallItem: TypeAlias = UnitSample | CallNews
 _LOOK_S = 0.2
@@ -41,7 +41,7 @@ class OpenCall:
     def __init__(
         self, client: Client, streams: WatchedStreams, wanted: WantedStream, take: Callable[[CallItem], None]
     ) -> None:
-        from agents.exchange.gateway import stream_policy
+        from dyknow.agents.exchange.gateway import stream_policy
 
         self._client, self._streams, self._take, self._wanted = client, streams, take, wanted
         member = client.centre.member

@@ -4,20 +4,20 @@ import asyncio
 from collections.abc import Generator
 from typing import TYPE_CHECKING, Any, Literal, TypeAlias, TypeVar
 
-from federation.messages.contents import Content
-from federation.messages.dialogue import Dialogue
-from runtime.client import Job
-from runtime.library import jobs
-from runtime.library.alarm_news import AlarmItem, follow_alarms
-from runtime.library.calls import CallItem, call_for, wanted_of
-from runtime.library.feed import Feed
-from runtime.library.member_thread import MemberThread
-from runtime.library.questions import Which
-from runtime.library.results import QueryResult, UnitSample
-from runtime.library.watched import WatchedStreams
+from dyknow.federation.messages.contents import Content
+from dyknow.federation.messages.dialogue import Dialogue
+from dyknow.runtime.client import Job
+from dyknow.runtime.library import jobs
+from dyknow.runtime.library.alarm_news import AlarmItem, follow_alarms
+from dyknow.runtime.library.calls import CallItem, call_for, wanted_of
+from dyknow.runtime.library.feed import Feed
+from dyknow.runtime.library.member_thread import MemberThread
+from dyknow.runtime.library.questions import Which
+from dyknow.runtime.library.results import QueryResult, UnitSample
+from dyknow.runtime.library.watched import WatchedStreams
 
 if TYPE_CHECKING:
-    from runtime.library.pictures.bands import BandsPicture  # numpy takes a tenth of a second
+    from dyknow.runtime.library.pictures.bands import BandsPicture  # numpy takes a tenth of a second
 
 T = TypeVar("T")
 Time: TypeAlias = str | int
@@ -59,7 +59,7 @@ class ConnectionFace:
         return feed
 
     def _bands(self, unit: str | int, profile: str, lookahead_s: float) -> Job["BandsPicture"]:
-        from runtime.library.pictures.bands import bands
+        from dyknow.runtime.library.pictures.bands import bands
 
         return bands(self._client, str(unit), profile, lookahead_s)
 

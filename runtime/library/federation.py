@@ -6,23 +6,23 @@ from itertools import count
 from pathlib import Path
 from typing import TYPE_CHECKING, Any
 
-from federation.members.command_centre import PlatformView
-from federation.messages.contents import ActLog, MonitorEntry, TaskEntry
-from runtime.client import client_ports, command_centre
-from runtime.configuration.reach import client_wire, speaks_as
-from runtime.library import jobs, listings
-from runtime.library.async_federation import AsyncFederationClient
-from runtime.library.calls import CallItem
-from runtime.library.connection_face import ConnectionFace, DelegatedTask, Time, name_of
-from runtime.library.feed import Feed
-from runtime.library.member_thread import MemberThread, settings_of
-from runtime.library.missions import AbortedMission, abort_mission, mission_of
-from runtime.library.pictures.saliency import FoundPerson, saliency_map
-from runtime.library.questions import Which
-from runtime.library.results import QueryResult, UnitSample
+from dyknow.federation.members.command_centre import PlatformView
+from dyknow.federation.messages.contents import ActLog, MonitorEntry, TaskEntry
+from dyknow.runtime.client import client_ports, command_centre
+from dyknow.runtime.configuration.reach import client_wire, speaks_as
+from dyknow.runtime.library import jobs, listings
+from dyknow.runtime.library.async_federation import AsyncFederationClient
+from dyknow.runtime.library.calls import CallItem
+from dyknow.runtime.library.connection_face import ConnectionFace, DelegatedTask, Time, name_of
+from dyknow.runtime.library.feed import Feed
+from dyknow.runtime.library.member_thread import MemberThread, settings_of
+from dyknow.runtime.library.missions import AbortedMission, abort_mission, mission_of
+from dyknow.runtime.library.pictures.saliency import FoundPerson, saliency_map
+from dyknow.runtime.library.questions import Which
+from dyknow.runtime.library.results import QueryResult, UnitSample
 
 if TYPE_CHECKING:
-    from runtime.library.pictures.bands import BandsPicture  # numpy takes a tenth of a second
+    from dyknow.runtime.library.pictures.bands import BandsPicture  # numpy takes a tenth of a second
 
 _CONNECTIONS = count()
 

@@ -4,13 +4,12 @@ from collections.abc import Callable, Mapping, Sequence
 from typing import TYPE_CHECKING, Any, TypeVar
 
 from dyknow.documents.durations import SHORTEST_US, duration_us
-from dyknow.model.errors import ContentError, DyknowError, FederationFailed, Refused
-from federation.keys import label as label_name
-from federation.members.command_centre import PlatformView
-from federation.members.directory import unit_order
-from federation.members.liveness import PeerState
-from federation.messages.acts import Performative
-from federation.messages.contents import (
+from dyknow.federation.keys import label as label_name
+from dyknow.federation.members.command_centre import PlatformView
+from dyknow.federation.members.directory import unit_order
+from dyknow.federation.members.liveness import PeerState
+from dyknow.federation.messages.acts import Performative
+from dyknow.federation.messages.contents import (
     Answers,
     Content,
     CreateMonitor,
@@ -29,11 +28,12 @@ from federation.messages.contents import (
     Tasks,
     Verdict,
 )
-from federation.messages.dialogue import Dialogue
-from runtime.client import SETTLE_S, Client, Job, Wait
-from runtime.configuration.wording import content_when, content_with
-from runtime.library.meanings import disagreement_with
-from runtime.library.questions import (
+from dyknow.federation.messages.dialogue import Dialogue
+from dyknow.model.errors import ContentError, DyknowError, FederationFailed, Refused
+from dyknow.runtime.client import SETTLE_S, Client, Job, Wait
+from dyknow.runtime.configuration.wording import content_when, content_with
+from dyknow.runtime.library.meanings import disagreement_with
+from dyknow.runtime.library.questions import (
     Which,
     check_label,
     gone_text,
@@ -42,11 +42,11 @@ from runtime.library.questions import (
     query_of,
     receiver_of,
 )
-from runtime.library.results import QueryResult, UnitSample, sample_of_reading
-from runtime.library.watched import WatchedStreams
+from dyknow.runtime.library.results import QueryResult, UnitSample, sample_of_reading
+from dyknow.runtime.library.watched import WatchedStreams
 
 if TYPE_CHECKING:
-    from runtime.library.feed import Feed  # asyncio takes commands a tenth of a second
+    from dyknow.runtime.library.feed import Feed  # asyncio takes commands a tenth of a second
 
 P = Performative
 C = TypeVar("C", bound=Content)
@@ -212,7 +212,7 @@ def watch(
     feed: "Feed[UnitSample]",
 ) -> Job[Job[None]]:
     """Have platforms export a stream to us; returns the job that ends that when the feed is closed."""
-    from agents.exchange.gateway import stream_policy
+    from dyknow.agents.exchange.gateway import stream_policy
 
     label_name(label)
     every_s = duration_us(every, option="every", least_us=SHORTEST_US) / 1e6
@@ -301,7 +301,7 @@ def running_already(client: Client, task: str, to: str | None, given: Mapping[st
     is believed about a task if it coordinates the task itself, not for another platform, and every platform has the
     monitors: a second task costs little, a missing one all monitoring.
     """
-    from agents.tasks.requests import DEFAULT_TASK
+    from dyknow.agents.tasks.requests import DEFAULT_TASK
 
     content = content_with(task, given, client.federation_us(), client.extensions)
     if not isinstance(content, MonitorProximity | CreateMonitor):

@@ -3,11 +3,11 @@
 from collections.abc import Mapping
 from typing import Any, NamedTuple
 
+from dyknow.federation.messages.contents import ActList, ActLog, ObjectList, TaskEntry
+from dyknow.federation.messages.dialogue import Dialogue
 from dyknow.model.errors import NothingFound, WrongCall
-from federation.messages.contents import ActList, ActLog, ObjectList, TaskEntry
-from federation.messages.dialogue import Dialogue
-from runtime.client import Client, Job, Wait
-from runtime.library import jobs
+from dyknow.runtime.client import Client, Job, Wait
+from dyknow.runtime.library import jobs
 
 
 class ListedObject(NamedTuple):

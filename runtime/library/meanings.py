@@ -4,12 +4,12 @@ from collections.abc import Iterable, Mapping, Sequence
 from contextlib import suppress
 
 from dyknow import Value, as_json
+from dyknow.federation.messages.descriptions import LabelEntry
+from dyknow.federation.sharing.agreement import disagreement
 from dyknow.model.errors import SortError
 from dyknow.model.semantic_labels import SemanticLabel
 from dyknow.model.values import NO_VALUE
-from federation.messages.descriptions import LabelEntry
-from federation.sharing.agreement import disagreement
-from runtime.client import Client
+from dyknow.runtime.client import Client
 
 
 def meaning_to(client: Client, unit: str, label: str) -> SemanticLabel | None:

@@ -8,10 +8,10 @@ from pathlib import Path
 from queue import Empty, SimpleQueue
 from typing import Any, Generic, TypeVar
 
+from dyknow.federation.members.command_centre import CommandCentre
 from dyknow.model.errors import SessionFailed
-from federation.members.command_centre import CommandCentre
-from runtime.client import Client, ClientPorts, Job, Wait
-from runtime.configuration.settings import Settings, load
+from dyknow.runtime.client import Client, ClientPorts, Job, Wait
+from dyknow.runtime.configuration.settings import Settings, load
 
 T = TypeVar("T")
 _CLOSE_S = 5.0

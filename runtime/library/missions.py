@@ -5,11 +5,10 @@ from pathlib import Path
 from types import MappingProxyType
 from typing import TYPE_CHECKING, Any, Final, NamedTuple
 
-from dyknow.model.errors import DyknowError, FederationFailed, NothingFound, Refused, WrongCall
-from federation import keys
-from federation.members.directory import unit_order
-from federation.messages.acts import Performative
-from federation.messages.contents import (
+from dyknow.federation import keys
+from dyknow.federation.members.directory import unit_order
+from dyknow.federation.messages.acts import Performative
+from dyknow.federation.messages.contents import (
     AnswerQuestion,
     CallForMission,
     ControlMission,
@@ -23,12 +22,13 @@ from federation.messages.contents import (
     TakeMission,
     TaskOver,
 )
-from federation.messages.dialogue import Dialogue
-from runtime.client import Client, Job, Wait
-from runtime.library.jobs import GRACE_S, MOST_LEADERS, failure_of, lists, platforms
+from dyknow.federation.messages.dialogue import Dialogue
+from dyknow.model.errors import DyknowError, FederationFailed, NothingFound, Refused, WrongCall
+from dyknow.runtime.client import Client, Job, Wait
+from dyknow.runtime.library.jobs import GRACE_S, MOST_LEADERS, failure_of, lists, platforms
 
 if TYPE_CHECKING:
-    from agents.capabilities.missions.mission_texts import MissionTexts
+    from dyknow.agents.capabilities.missions.mission_texts import MissionTexts
 
 P = Performative
 Consent = Callable[[list[tuple[str, MissionProposal]]], bool]
@@ -93,7 +93,7 @@ def begin_mission(
         Refused: it is declined, a platform does not permit it, or it is not consented to.
         FederationFailed: there is no answer.
     """
-    from agents.capabilities.missions.mission_texts import read_mission
+    from dyknow.agents.capabilities.missions.mission_texts import read_mission
 
     texts = read_mission(
         wanted.domain, wanted.problem, wanted.constraints, wanted.actions,
@@ -162,7 +162,7 @@ def _called(
     client: Client, call: CallForMission, texts: "MissionTexts", leaders: Sequence[str], consent: Consent
 ) -> Job[Dialogue]:
     """The contract net: the cheapest proposal that can be is taken, the next if it is not kept, and the others are left."""
-    from agents.capabilities.missions.proposal_checks import unbelievable
+    from dyknow.agents.capabilities.missions.proposal_checks import unbelievable
 
     within_s = AGREE_S + call.timeout_s
     calls = [client.say(unit, P.CFP, call, within_s=within_s, standing=True) for unit in leaders]

@@ -6,20 +6,20 @@ from pathlib import Path
 from types import TracebackType
 from typing import Any, NamedTuple, Self
 
-from agents.effects import Fed, Specify
-from agents.specification.options import RunOptions
-from agents.specification.specification_part import read
 from dyknow import SURE, Quality, Value
+from dyknow.agents.effects import Fed, Specify
+from dyknow.agents.specification.options import RunOptions
+from dyknow.agents.specification.specification_part import read
+from dyknow.federation.keys import unit as unit_name
 from dyknow.model.errors import FederationFailed, SpecificationFailed, WrongCall
 from dyknow.model.labels import Label
-from federation.keys import unit as unit_name
-from runtime.configuration.config import NodeConfig, NoVehicle
-from runtime.configuration.reach import client_wire, trust_files
-from runtime.library.feed import Feed
-from runtime.library.member_thread import settings_of
-from runtime.library.pushed_samples import pushed
-from runtime.process import PlatformProcess
-from runtime.vehicles import Vehicle
+from dyknow.runtime.configuration.config import NodeConfig, NoVehicle
+from dyknow.runtime.configuration.reach import client_wire, trust_files
+from dyknow.runtime.library.feed import Feed
+from dyknow.runtime.library.member_thread import settings_of
+from dyknow.runtime.library.pushed_samples import pushed
+from dyknow.runtime.process import PlatformProcess
+from dyknow.runtime.vehicles import Vehicle
 
 _ANSWER_S = 10.0
 

@@ -4,7 +4,7 @@ from typing import Any, NamedTuple
 
 from dyknow import NO_VALUE, Quality, Value
 from dyknow.model.errors import WrongCall
-from runtime.configuration.instants import instant_us
+from dyknow.runtime.configuration.instants import instant_us
 
 _LATEST_US = 2**62
 _DEEPEST = 8

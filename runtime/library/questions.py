@@ -4,17 +4,25 @@ from collections.abc import Callable, Collection, Iterable, Sequence
 from functools import partial
 from typing import NamedTuple
 
+from dyknow.federation.keys import label as label_name
+from dyknow.federation.keys import unit as unit_name
+from dyknow.federation.members.directory import unit_order
+from dyknow.federation.messages.acts import Performative
+from dyknow.federation.messages.contents import (
+    Content,
+    MonitorProximity,
+    Query,
+    QueryStream,
+    Rejoin,
+    Search,
+    SearchResult,
+)
+from dyknow.federation.messages.dialogue import Dialogue
 from dyknow.model.errors import NothingFound, WrongCall, did_you_mean
 from dyknow.model.instants import US_PER_S, print_span
 from dyknow.model.labels import Label
-from federation.keys import label as label_name
-from federation.keys import unit as unit_name
-from federation.members.directory import unit_order
-from federation.messages.acts import Performative
-from federation.messages.contents import Content, MonitorProximity, Query, QueryStream, Rejoin, Search, SearchResult
-from federation.messages.dialogue import Dialogue
-from runtime.client import Client, Job, Wait
-from runtime.configuration.instants import instant_us
+from dyknow.runtime.client import Client, Job, Wait
+from dyknow.runtime.configuration.instants import instant_us
 
 LOOK_S = 1.0
 GRACE_S = 0.2

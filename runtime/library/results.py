@@ -7,12 +7,12 @@ from types import MappingProxyType
 from typing import TYPE_CHECKING, Any, Literal, NamedTuple, overload
 
 from dyknow import SURE, Predicted, Quality
+from dyknow.federation.messages.codec import StreamSample
+from dyknow.federation.messages.contents import Reading
 from dyknow.model.errors import UnitError
 from dyknow.model.instants import EPOCH
 from dyknow.model.values import NoValue
-from federation.messages.codec import StreamSample
-from federation.messages.contents import Reading
-from navigation.geodesy import metres_per_degree
+from dyknow.navigation.geodesy import metres_per_degree
 
 if TYPE_CHECKING:
     from pandas import DataFrame

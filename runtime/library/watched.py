@@ -3,14 +3,14 @@
 from collections.abc import Callable, Iterable
 from typing import TYPE_CHECKING, TypeAlias
 
-from federation.members.imports import ImportName
-from federation.messages.codec import StreamSample
-from runtime.client import Client
-from runtime.library.meanings import record_of
-from runtime.library.results import UnitSample, sample_of_wire
+from dyknow.federation.members.imports import ImportName
+from dyknow.federation.messages.codec import StreamSample
+from dyknow.runtime.client import Client
+from dyknow.runtime.library.meanings import record_of
+from dyknow.runtime.library.results import UnitSample, sample_of_wire
 
 if TYPE_CHECKING:
-    from runtime.library.feed import Feed  # asyncio takes commands a tenth of a second
+    from dyknow.runtime.library.feed import Feed  # asyncio takes commands a tenth of a second
 
 TakeSample: TypeAlias = Callable[[str, StreamSample, int], None]
 """Takes the owner of a sample, the sample, and its arrival (node clock)."""

@@ -3,9 +3,9 @@
 from collections.abc import Mapping
 from typing import Any
 
+from dyknow.federation.messages.acts import Act, parse_act
+from dyknow.federation.messages.contents import ActLog, Alarm, MonitorChange, MonitorEntry
 from dyknow.model.errors import TextError
-from federation.messages.acts import Act, parse_act
-from federation.messages.contents import ActLog, Alarm, MonitorChange, MonitorEntry
 
 
 def alarm_json(alarm: Alarm) -> dict[str, Any]:

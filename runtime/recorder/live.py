@@ -9,9 +9,9 @@ from collections.abc import Callable, Mapping
 from typing import Any, Final
 
 from dyknow.model.errors import EndpointFailed, UnitError
-from proxies.outward.gate import PageDoor, hidden_address
-from runtime.recordings.foxglove import SCENE, schema_of
-from runtime.recordings.recording_file import ALARM, LONGEST_MESSAGE, MONITOR, MOST_CHANNELS, PLATFORM, TASK
+from dyknow.proxies.outward.gate import PageDoor, hidden_address
+from dyknow.runtime.recordings.foxglove import SCENE, schema_of
+from dyknow.runtime.recordings.recording_file import ALARM, LONGEST_MESSAGE, MONITOR, MOST_CHANNELS, PLATFORM, TASK
 
 MOST_KEPT: Final = 1024
 """Messages that are kept for clients to come."""

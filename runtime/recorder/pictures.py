@@ -5,11 +5,11 @@ from collections.abc import Callable, Mapping
 from dataclasses import dataclass
 from typing import Any, Final, TypeAlias
 
-from federation.messages.codec import StreamSample
-from federation.messages.contents import Alarm
-from navigation.geodesy import LocalFrame, metres_per_degree
-from runtime.recordings import foxglove
-from runtime.recordings.foxglove import Json
+from dyknow.federation.messages.codec import StreamSample
+from dyknow.federation.messages.contents import Alarm
+from dyknow.navigation.geodesy import LocalFrame, metres_per_degree
+from dyknow.runtime.recordings import foxglove
+from dyknow.runtime.recordings.foxglove import Json
 
 Picture: TypeAlias = Callable[[str, str, str, Json, int], None]
 """Takes the platform, topic, schema and message of a picture, and when it held."""

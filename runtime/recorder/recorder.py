@@ -1,7 +1,8 @@
 """A member's record of a federation: streams, alarms, monitors, speech acts, tasks and the directory.
 
-The member is the one that every command is (`runtime.client`): it asks each platform for its streams and subscribes to
-the rest, again whenever a platform is back. A platform's messages may fill its own share of the file only.
+The member is the one that every command is (`dyknow.runtime.client`): it asks each platform for its streams and
+subscribes to the rest, again whenever a platform is back. A platform's messages may fill its own share of the file
+only.
 """
 
 from collections import Counter
@@ -9,13 +10,12 @@ from collections.abc import Callable, Iterable, Mapping
 from dataclasses import dataclass, field
 from typing import Any, Final, Protocol
 
-from dyknow.model.values import NO_VALUE, as_json
-from federation.members.command_centre import PlatformView
-from federation.members.imports import ImportName
-from federation.members.liveness import PeerState
-from federation.messages.acts import Performative
-from federation.messages.codec import StreamSample
-from federation.messages.contents import (
+from dyknow.federation.members.command_centre import PlatformView
+from dyknow.federation.members.imports import ImportName
+from dyknow.federation.members.liveness import PeerState
+from dyknow.federation.messages.acts import Performative
+from dyknow.federation.messages.codec import StreamSample
+from dyknow.federation.messages.contents import (
     ActLog,
     Acts,
     Alarm,
@@ -34,16 +34,17 @@ from federation.messages.contents import (
     TaskList,
     Tasks,
 )
-from federation.messages.descriptions import DefinitionEntry
-from federation.messages.dialogue import Dialogue
-from federation.messages.rounds import Retries
-from runtime.client import Client
-from runtime.library.jobs import SET_UP_S, Subscriptions
-from runtime.library.meanings import meaning_to, record_of
-from runtime.recorder.entries import alarm_json, change_in_words, monitor_json, parsed_act
-from runtime.recorder.pictures import Pictures
-from runtime.recordings import foxglove
-from runtime.recordings.recording_file import (
+from dyknow.federation.messages.descriptions import DefinitionEntry
+from dyknow.federation.messages.dialogue import Dialogue
+from dyknow.federation.messages.rounds import Retries
+from dyknow.model.values import NO_VALUE, as_json
+from dyknow.runtime.client import Client
+from dyknow.runtime.library.jobs import SET_UP_S, Subscriptions
+from dyknow.runtime.library.meanings import meaning_to, record_of
+from dyknow.runtime.recorder.entries import alarm_json, change_in_words, monitor_json, parsed_act
+from dyknow.runtime.recorder.pictures import Pictures
+from dyknow.runtime.recordings import foxglove
+from dyknow.runtime.recordings.recording_file import (
     ACT,
     ALARM,
     FLIGHTS,

@@ -5,9 +5,9 @@ from datetime import UTC, datetime
 from pathlib import Path
 from typing import Final
 
-from agents.effects import KeepEncounter
+from dyknow.agents.effects import KeepEncounter
 from dyknow.model.errors import WrongCall
-from runtime.recordings.recording_file import RecordingFile
+from dyknow.runtime.recordings.recording_file import RecordingFile
 
 MOST_BYTES: Final = 8_000_000
 MOST_FILES: Final = 100

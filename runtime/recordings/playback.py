@@ -11,19 +11,19 @@ from typing import Any, Final, NamedTuple
 
 from pydantic import ValidationError
 
-from agents.playback.recorded_platform import OffersPlayed, Played, PlayedAct, PlayedSample
 from dyknow import NO_VALUE, SURE, Predicted, Quality, Value, of_json
+from dyknow.agents.playback.recorded_platform import OffersPlayed, Played, PlayedAct, PlayedSample
+from dyknow.federation.messages.acts import parse_act
+from dyknow.federation.messages.contents import ActLog
+from dyknow.federation.messages.descriptions import DefinitionEntry
 from dyknow.model.errors import DecodeError, TextError
 from dyknow.model.instants import US_PER_S
 from dyknow.model.semantic_labels import SemanticLabel
-from federation.messages.acts import parse_act
-from federation.messages.contents import ActLog
-from federation.messages.descriptions import DefinitionEntry
-from reasoning import AlarmEvent
-from runtime.configuration.config import RecordedVehicle
-from runtime.recordings.recorded import FederationRecording, RecordedMessage
-from runtime.recordings.recording_file import ACT, ALARM, PLATFORM, SAMPLE
-from runtime.recordings.summary import LATEST_US
+from dyknow.reasoning import AlarmEvent
+from dyknow.runtime.configuration.config import RecordedVehicle
+from dyknow.runtime.recordings.recorded import FederationRecording, RecordedMessage
+from dyknow.runtime.recordings.recording_file import ACT, ALARM, PLATFORM, SAMPLE
+from dyknow.runtime.recordings.summary import LATEST_US
 
 AT_ONCE: Final = 256
 """Messages that are played as one event at most."""

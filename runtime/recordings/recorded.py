@@ -12,8 +12,8 @@ from typing import Any, Final, NamedTuple
 from mcap.records import Channel, Header, Message, Metadata, Schema
 
 from dyknow.model.errors import DecodeError, WrongCall
-from proxies.recordings.mcap_records import LARGEST_CHUNK, DataEnd, McapItem, McapRecords, Unread
-from runtime.recordings.recording_file import ABOUT, LONGEST_MESSAGE, PROFILE
+from dyknow.proxies.recordings.mcap_records import LARGEST_CHUNK, DataEnd, McapItem, McapRecords, Unread
+from dyknow.runtime.recordings.recording_file import ABOUT, LONGEST_MESSAGE, PROFILE
 
 REMEDY: Final = "dyknow record FILE.mcap makes one"
 
@@ -114,7 +114,7 @@ def mend(recording: FederationRecording, path: Path) -> int:
     Raises:
         WrongCall: the new file is there already, or cannot be made.
     """
-    from runtime.recordings.recording_file import RecordingFile
+    from dyknow.runtime.recordings.recording_file import RecordingFile
 
     count = 0
     most = 2 * recording.path.stat().st_size + LARGEST_CHUNK

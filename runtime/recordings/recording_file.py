@@ -26,7 +26,7 @@ from typing import IO, Any, Final, Self
 from mcap.writer import CompressionType, Writer
 
 from dyknow.model.errors import WrongCall
-from runtime.recordings.foxglove import schema_of
+from dyknow.runtime.recordings.foxglove import schema_of
 
 PROFILE: Final = "dyknow-federation"
 ABOUT: Final = "federation"

@@ -8,8 +8,8 @@ from itertools import pairwise
 from statistics import median_low
 from typing import Any, Final, TypeVar
 
-from runtime.recordings.recorded import FederationRecording, RecordedMessage
-from runtime.recordings.recording_file import (
+from dyknow.runtime.recordings.recorded import FederationRecording, RecordedMessage
+from dyknow.runtime.recordings.recording_file import (
     ACT,
     ALARM,
     IMPORTS,

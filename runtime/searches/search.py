@@ -1,4 +1,4 @@
-"""A search for a plan as a process: `python -m runtime.searches.search` reads a request, and writes what comes of it.
+"""A search for a plan as a process: `python -m dyknow.runtime.searches.search` reads a request and writes the outcome.
 
 One line of JSON comes in on standard input; lines of JSON go out: `{"nodes": ...}` now and then, and one with `plan`, which is
 the last. The process takes at most 2 GB of memory, and ends when the process that began it does.
@@ -12,12 +12,12 @@ import time
 from collections.abc import Callable, Mapping
 from typing import Any, Final
 
-from agents.capabilities.missions.mission_texts import texts_record
+from dyknow.agents.capabilities.missions.mission_texts import texts_record
 from dyknow.model.errors import DyknowError
 from dyknow.model.instants import print_span
-from planning.contingent.sent_problems import planned_record
-from planning.domains.texts import parse_domain, parse_problem
-from planning.search.planner import PlanFound, find_plan
+from dyknow.planning.contingent.sent_problems import planned_record
+from dyknow.planning.domains.texts import parse_domain, parse_problem
+from dyknow.planning.search.planner import PlanFound, find_plan
 
 MEMORY_BYTES: Final = 2 << 30
 NICENESS: Final = 5

@@ -9,7 +9,7 @@ from collections.abc import Callable, Mapping
 from contextlib import suppress
 from typing import Any, Final
 
-from agents.effects import EndSearch, RunSearch, SearchNews, SearchOver
+from dyknow.agents.effects import EndSearch, RunSearch, SearchNews, SearchOver
 
 MOST: Final = 4
 """Searches at a time."""
@@ -64,7 +64,10 @@ class SearchWorkers:
     def _follow(self, search: RunSearch) -> None:
         began_s = time.monotonic()
         process = subprocess.Popen(
-            [sys.executable, "-m", "runtime.searches.search"], stdin=subprocess.PIPE, stdout=subprocess.PIPE, text=True
+            [sys.executable, "-m", "dyknow.runtime.searches.search"],
+            stdin=subprocess.PIPE,
+            stdout=subprocess.PIPE,
+            text=True,
         )
         with self._lock:
             is_wanted = search.number in self._running

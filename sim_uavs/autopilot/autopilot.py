@@ -12,17 +12,17 @@ import numpy as np
 from pymavlink.dialects.v20 import all as mavlink
 
 from dyknow.model.instants import US_PER_S
-from sim_uavs.autopilot.commands import Commands, read_order
-from sim_uavs.autopilot.heard import broadcasts
-from sim_uavs.autopilot.link import Decoder, Links, MavlinkLink, Message
-from sim_uavs.autopilot.mission_protocol import Missions, Requester
-from sim_uavs.autopilot.parameters import Parameters
-from sim_uavs.autopilot.personas import PERSONAS
-from sim_uavs.autopilot.telemetry import BUILDERS, STREAM_GROUPS, Snapshot, default_ticks
-from sim_uavs.dynamics.flight import Event, Mode, StatusText
-from sim_uavs.dynamics.sensors import ImuReading, draw_bias, read_imu
-from sim_uavs.dynamics.settings import Peer, VehicleConfig
-from sim_uavs.dynamics.vehicles import SensedFlight
+from dyknow.sim_uavs.autopilot.commands import Commands, read_order
+from dyknow.sim_uavs.autopilot.heard import broadcasts
+from dyknow.sim_uavs.autopilot.link import Decoder, Links, MavlinkLink, Message
+from dyknow.sim_uavs.autopilot.mission_protocol import Missions, Requester
+from dyknow.sim_uavs.autopilot.parameters import Parameters
+from dyknow.sim_uavs.autopilot.personas import PERSONAS
+from dyknow.sim_uavs.autopilot.telemetry import BUILDERS, STREAM_GROUPS, Snapshot, default_ticks
+from dyknow.sim_uavs.dynamics.flight import Event, Mode, StatusText
+from dyknow.sim_uavs.dynamics.sensors import ImuReading, draw_bias, read_imu
+from dyknow.sim_uavs.dynamics.settings import Peer, VehicleConfig
+from dyknow.sim_uavs.dynamics.vehicles import SensedFlight
 
 TICK_US = 100_000
 _COMPONENTS = frozenset({0, mavlink.MAV_COMP_ID_AUTOPILOT1})

@@ -6,14 +6,14 @@ from typing import NamedTuple
 
 from pymavlink.dialects.v20 import all as mavlink
 
-from navigation.geodesy import LocalFrame
-from navigation.vehicle import LookAtOrder, MountOrder, PointMountOrder
-from sim_uavs.autopilot.link import Message
-from sim_uavs.autopilot.personas import Persona
-from sim_uavs.autopilot.points import local_point
-from sim_uavs.dynamics.flight import Flight, FlightAnswer, Mode, StatusText
-from sim_uavs.dynamics.quadcopter import Vector
-from sim_uavs.dynamics.slung import Hoist
+from dyknow.navigation.geodesy import LocalFrame
+from dyknow.navigation.vehicle import LookAtOrder, MountOrder, PointMountOrder
+from dyknow.sim_uavs.autopilot.link import Message
+from dyknow.sim_uavs.autopilot.personas import Persona
+from dyknow.sim_uavs.autopilot.points import local_point
+from dyknow.sim_uavs.dynamics.flight import Flight, FlightAnswer, Mode, StatusText
+from dyknow.sim_uavs.dynamics.quadcopter import Vector
+from dyknow.sim_uavs.dynamics.slung import Hoist
 
 LOOKING_DOWN = PointMountOrder(0.0, pi / 2.0)
 _FROM_HOME = frozenset({mavlink.MAV_CMD_DO_SET_ROI, mavlink.MAV_CMD_DO_SET_ROI_LOCATION})

@@ -5,9 +5,9 @@ from typing import Final
 
 from pymavlink.dialects.v20 import all as mavlink
 
-from navigation.geodesy import LocalFrame
-from sim_uavs.autopilot.link import Message
-from sim_uavs.dynamics.aircraft import PassingAircraft
+from dyknow.navigation.geodesy import LocalFrame
+from dyknow.sim_uavs.autopilot.link import Message
+from dyknow.sim_uavs.dynamics.aircraft import PassingAircraft
 
 _ICAO: Final = 0x4CA123
 _UAS_ID: Final = tuple(b"1SIM5FLYBY".ljust(20, b"\0"))

@@ -8,8 +8,8 @@ from typing import Any, TypeAlias
 
 from pymavlink.dialects.v20 import all as mavlink
 
-from proxies.mavlink.frames import Cutter
-from sim_uavs.dynamics.settings import Peer
+from dyknow.proxies.mavlink.frames import Cutter
+from dyknow.sim_uavs.dynamics.settings import Peer
 
 Message: TypeAlias = Any  # pymavlink builds its message classes without types
 

@@ -4,16 +4,16 @@ from typing import NamedTuple
 
 from pymavlink.dialects.v20 import all as mavlink
 
-from navigation.fences import FenceArea
-from navigation.geodesy import LocalFrame
-from proxies.mavlink.lists.fence_list import FenceItem, read_areas
-from sim_uavs.autopilot.link import Message
-from sim_uavs.autopilot.personas import Persona
-from sim_uavs.autopilot.points import FRAMES, local_point
-from sim_uavs.dynamics.fences import FlightFence
-from sim_uavs.dynamics.flight import Flight
-from sim_uavs.dynamics.missions import Item, MissionAction
-from sim_uavs.dynamics.settings import Peer
+from dyknow.navigation.fences import FenceArea
+from dyknow.navigation.geodesy import LocalFrame
+from dyknow.proxies.mavlink.lists.fence_list import FenceItem, read_areas
+from dyknow.sim_uavs.autopilot.link import Message
+from dyknow.sim_uavs.autopilot.personas import Persona
+from dyknow.sim_uavs.autopilot.points import FRAMES, local_point
+from dyknow.sim_uavs.dynamics.fences import FlightFence
+from dyknow.sim_uavs.dynamics.flight import Flight
+from dyknow.sim_uavs.dynamics.missions import Item, MissionAction
+from dyknow.sim_uavs.dynamics.settings import Peer
 
 _MISSION, _FENCE = mavlink.MAV_MISSION_TYPE_MISSION, mavlink.MAV_MISSION_TYPE_FENCE
 _MOST_ITEMS = 200

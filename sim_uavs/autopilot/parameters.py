@@ -4,9 +4,9 @@ from math import isfinite
 
 from pymavlink.dialects.v20 import all as mavlink
 
-from sim_uavs.autopilot.link import Message
-from sim_uavs.autopilot.personas import ParameterKind, Persona
-from sim_uavs.dynamics.settings import VehicleSettings
+from dyknow.sim_uavs.autopilot.link import Message
+from dyknow.sim_uavs.autopilot.personas import ParameterKind, Persona
+from dyknow.sim_uavs.dynamics.settings import VehicleSettings
 
 
 class Parameters:

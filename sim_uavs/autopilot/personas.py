@@ -7,8 +7,8 @@ from typing import NamedTuple
 
 from pymavlink.dialects.v20 import all as mavlink
 
-from sim_uavs.dynamics.flight import Mode
-from sim_uavs.dynamics.settings import PersonaName
+from dyknow.sim_uavs.dynamics.flight import Mode
+from dyknow.sim_uavs.dynamics.settings import PersonaName
 
 
 class ParameterKind(NamedTuple):

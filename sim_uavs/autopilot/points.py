@@ -4,8 +4,8 @@ from math import isfinite
 
 from pymavlink.dialects.v20 import all as mavlink
 
-from navigation.geodesy import LocalFrame
-from sim_uavs.dynamics.quadcopter import Vector
+from dyknow.navigation.geodesy import LocalFrame
+from dyknow.sim_uavs.dynamics.quadcopter import Vector
 
 _ABOVE_SEA = frozenset({mavlink.MAV_FRAME_GLOBAL, mavlink.MAV_FRAME_GLOBAL_INT})
 _ABOVE_HOME = frozenset(

@@ -7,17 +7,17 @@ from collections.abc import Callable, Iterator
 from dataclasses import replace
 from typing import TYPE_CHECKING, Self
 
-from federation.members.clock import FederationClock
-from navigation.vehicle import ImageReport
-from runtime.clock import NodeClock
-from sim_uavs.autopilot.autopilot import Autopilot, Sent
-from sim_uavs.dynamics.faults import SimulatedFault
-from sim_uavs.dynamics.flight import STEP_US
-from sim_uavs.dynamics.settings import VehicleConfig
-from sim_uavs.dynamics.slung import Hoist
+from dyknow.federation.members.clock import FederationClock
+from dyknow.navigation.vehicle import ImageReport
+from dyknow.runtime.clock import NodeClock
+from dyknow.sim_uavs.autopilot.autopilot import Autopilot, Sent
+from dyknow.sim_uavs.dynamics.faults import SimulatedFault
+from dyknow.sim_uavs.dynamics.flight import STEP_US
+from dyknow.sim_uavs.dynamics.settings import VehicleConfig
+from dyknow.sim_uavs.dynamics.slung import Hoist
 
 if TYPE_CHECKING:
-    from sim_uavs.cameras.onboard import OnboardCameras
+    from dyknow.sim_uavs.cameras.onboard import OnboardCameras
 
 _LARGEST, _FRAME = 65_535, 1_400
 _LONGEST_WAIT_S = 0.5

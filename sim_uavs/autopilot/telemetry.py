@@ -6,14 +6,14 @@ from typing import NamedTuple
 
 from pymavlink.dialects.v20 import all as mavlink
 
-from navigation.cameras.pinhole import PanTilt
-from navigation.geodesy import LocalFrame
-from sim_uavs.autopilot.link import Message
-from sim_uavs.autopilot.personas import Persona
-from sim_uavs.dynamics.flight import GUIDED_MODES, Drifting, Flight, GoingTo, Mode
-from sim_uavs.dynamics.quadcopter import GRAVITY_M_S2, Vector
-from sim_uavs.dynamics.sensors import GpsReading, ImuReading
-from sim_uavs.dynamics.slung import Hoist
+from dyknow.navigation.cameras.pinhole import PanTilt
+from dyknow.navigation.geodesy import LocalFrame
+from dyknow.sim_uavs.autopilot.link import Message
+from dyknow.sim_uavs.autopilot.personas import Persona
+from dyknow.sim_uavs.dynamics.flight import GUIDED_MODES, Drifting, Flight, GoingTo, Mode
+from dyknow.sim_uavs.dynamics.quadcopter import GRAVITY_M_S2, Vector
+from dyknow.sim_uavs.dynamics.sensors import GpsReading, ImuReading
+from dyknow.sim_uavs.dynamics.slung import Hoist
 
 _INT32_MIN, _INT32_MAX = -(2**31), 2**31 - 1
 _CELLS, _FULL_CELL_MV, _EMPTY_CELL_MV = 6, 4200, 3300

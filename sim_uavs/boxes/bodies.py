@@ -9,7 +9,7 @@ from typing import Final, NamedTuple, TypeAlias
 
 from numpy.random import Generator
 
-from sim_uavs.dynamics.quadcopter import GRAVITY_M_S2
+from dyknow.sim_uavs.dynamics.quadcopter import GRAVITY_M_S2
 
 STEP_US: Final = 20_000
 _STEP_S: Final = STEP_US / 1e6

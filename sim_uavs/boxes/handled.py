@@ -12,8 +12,8 @@ from typing import Final, Literal, NamedTuple
 import numpy as np
 
 from dyknow import US_PER_S
-from sim_uavs.boxes.bodies import BUILDS, STEP_US, Air, BodyBuild, Place, Surface, fall
-from sim_uavs.dynamics.slung import Thing
+from dyknow.sim_uavs.boxes.bodies import BUILDS, STEP_US, Air, BodyBuild, Place, Surface, fall
+from dyknow.sim_uavs.dynamics.slung import Thing
 
 SILENT_US: Final = 3 * US_PER_S
 """A UAV that carries a thing notes its place, now and then; after so long without a note it has lost the thing."""

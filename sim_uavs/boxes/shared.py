@@ -10,7 +10,7 @@ import threading
 from pathlib import Path
 from typing import Protocol
 
-from sim_uavs.boxes.handled import BoxWorld, Handling, Placed, SeenThing
+from dyknow.sim_uavs.boxes.handled import BoxWorld, Handling, Placed, SeenThing
 
 _LONGEST_LINE = 1000
 

@@ -10,11 +10,11 @@ from typing import Final
 
 import numpy as np
 
-from sim_uavs.boxes.bodies import BUILDS, STEP_US, Place
-from sim_uavs.boxes.handled import Handling, Placed, within_reach
-from sim_uavs.boxes.shared import SharedBoxes
-from sim_uavs.dynamics.quadcopter import GRAVITY_M_S2, Body
-from sim_uavs.dynamics.slung import HoistFaults
+from dyknow.sim_uavs.boxes.bodies import BUILDS, STEP_US, Place
+from dyknow.sim_uavs.boxes.handled import Handling, Placed, within_reach
+from dyknow.sim_uavs.boxes.shared import SharedBoxes
+from dyknow.sim_uavs.dynamics.quadcopter import GRAVITY_M_S2, Body
+from dyknow.sim_uavs.dynamics.slung import HoistFaults
 
 REACH_M: Final = 1.5
 """How far aside of the hook a thing may be that the magnet draws to itself: the line gives way."""

@@ -7,9 +7,9 @@ from typing import NamedTuple, Protocol, TypeVar
 import numpy as np
 from numpy.random import Generator
 
-from navigation.cameras.channels import PERSON, Detection
-from navigation.cameras.pinhole import CameraPose, FloatArray, Intrinsics, Pixel
-from sim_uavs.roads.drivers import COLOURS
+from dyknow.navigation.cameras.channels import PERSON, Detection
+from dyknow.navigation.cameras.pinhole import CameraPose, FloatArray, Intrinsics, Pixel
+from dyknow.sim_uavs.roads.drivers import COLOURS
 
 COLOUR, THERMAL = "colour", "thermal"
 SCORE_SD = 0.12

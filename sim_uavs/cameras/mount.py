@@ -6,7 +6,7 @@ from typing import NamedTuple
 import numpy as np
 from numpy.random import Generator
 
-from navigation.cameras.pinhole import Attitude, FloatArray, PanTilt, aimed
+from dyknow.navigation.cameras.pinhole import Attitude, FloatArray, PanTilt, aimed
 
 DOWN = PanTilt(0.0, pi / 2.0)
 

@@ -6,9 +6,9 @@ from typing import Protocol
 import numpy as np
 from numpy.random import Generator
 
-from navigation.cameras.pinhole import Attitude, CameraPose, FloatArray, PanTilt
-from navigation.vehicle import ImageDetection, ImageReport
-from sim_uavs.cameras.detectors import CameraModel, Obstacle, Visible, detect
+from dyknow.navigation.cameras.pinhole import Attitude, CameraPose, FloatArray, PanTilt
+from dyknow.navigation.vehicle import ImageDetection, ImageReport
+from dyknow.sim_uavs.cameras.detectors import CameraModel, Obstacle, Visible, detect
 
 
 class Scene(Protocol):

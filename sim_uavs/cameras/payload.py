@@ -8,17 +8,25 @@ from collections.abc import Sequence
 
 from numpy.random import Generator
 
-from anchoring.links.structures import Percept
-from anchoring.percepts.tracking import PerceptTracker
-from navigation.cameras.channels import Detection, GroundDetection, fused, located
-from navigation.cameras.geolocation import PoseErrors
-from navigation.cameras.ground import FlatGround, GroundModel
-from navigation.cameras.pinhole import Attitude, CameraPose, FloatArray
-from navigation.cameras.state import CameraState, CameraStateEstimator
-from navigation.geodesy import LocalFrame
-from sim_uavs.cameras.detectors import COLOUR, COLOUR_CAMERA, THERMAL, THERMAL_CAMERA, CameraModel, Obstacle, detect
-from sim_uavs.cameras.mount import Mount, MountLimits
-from sim_uavs.roads.drivers import RoadState
+from dyknow.anchoring.links.structures import Percept
+from dyknow.anchoring.percepts.tracking import PerceptTracker
+from dyknow.navigation.cameras.channels import Detection, GroundDetection, fused, located
+from dyknow.navigation.cameras.geolocation import PoseErrors
+from dyknow.navigation.cameras.ground import FlatGround, GroundModel
+from dyknow.navigation.cameras.pinhole import Attitude, CameraPose, FloatArray
+from dyknow.navigation.cameras.state import CameraState, CameraStateEstimator
+from dyknow.navigation.geodesy import LocalFrame
+from dyknow.sim_uavs.cameras.detectors import (
+    COLOUR,
+    COLOUR_CAMERA,
+    THERMAL,
+    THERMAL_CAMERA,
+    CameraModel,
+    Obstacle,
+    detect,
+)
+from dyknow.sim_uavs.cameras.mount import Mount, MountLimits
+from dyknow.sim_uavs.roads.drivers import RoadState
 
 
 class CameraPayload:

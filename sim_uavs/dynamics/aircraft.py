@@ -8,8 +8,8 @@ from collections.abc import Iterator
 from typing import Final, NamedTuple
 
 from dyknow.model.instants import US_PER_S
-from sim_uavs.dynamics.faults import ActiveFaults
-from sim_uavs.dynamics.quadcopter import Vector
+from dyknow.sim_uavs.dynamics.faults import ActiveFaults
+from dyknow.sim_uavs.dynamics.quadcopter import Vector
 
 AWAY_S: Final = 110.0
 """How long an aircraft flies until it is over the vehicle."""

@@ -34,8 +34,8 @@ import numpy as np
 
 from dyknow.model.errors import TextError
 from dyknow.model.instants import US_PER_S, parse_duration, print_duration
-from sim_uavs.dynamics.quadcopter import Vector
-from sim_uavs.dynamics.sensors import GpsReading
+from dyknow.sim_uavs.dynamics.quadcopter import Vector
+from dyknow.sim_uavs.dynamics.sensors import GpsReading
 
 
 class _Kind(NamedTuple):

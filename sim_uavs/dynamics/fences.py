@@ -7,12 +7,12 @@ from collections.abc import Sequence
 from math import hypot
 from typing import Final, NamedTuple
 
-from navigation.fences import FenceArea, FenceKind
-from navigation.geodesy import LocalFrame
-from navigation.vehicle import FenceReport
-from sim_uavs.dynamics.flight import Flight, Mode, StatusText
-from sim_uavs.dynamics.quadcopter import Vector
-from sim_uavs.dynamics.settings import PersonaName
+from dyknow.navigation.fences import FenceArea, FenceKind
+from dyknow.navigation.geodesy import LocalFrame
+from dyknow.navigation.vehicle import FenceReport
+from dyknow.sim_uavs.dynamics.flight import Flight, Mode, StatusText
+from dyknow.sim_uavs.dynamics.quadcopter import Vector
+from dyknow.sim_uavs.dynamics.settings import PersonaName
 
 _PX4_MODES: Final = {2: Mode.GUIDED, 3: Mode.RTL, 5: Mode.LAND}
 _PX4_TERMINATES: Final = 4

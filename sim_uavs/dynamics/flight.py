@@ -12,12 +12,12 @@ from typing import NamedTuple, TypeAlias
 
 import numpy as np
 
-from sim_uavs.dynamics import quadcopter as dynamics
-from sim_uavs.dynamics.guidance import Speeds, heading_to, velocity_to
-from sim_uavs.dynamics.missions import Item, MissionAction, MissionProgress
-from sim_uavs.dynamics.quadcopter import ZERO, Body, Vector
-from sim_uavs.dynamics.settings import VehicleConfig
-from sim_uavs.dynamics.slung import Hoist
+from dyknow.sim_uavs.dynamics import quadcopter as dynamics
+from dyknow.sim_uavs.dynamics.guidance import Speeds, heading_to, velocity_to
+from dyknow.sim_uavs.dynamics.missions import Item, MissionAction, MissionProgress
+from dyknow.sim_uavs.dynamics.quadcopter import ZERO, Body, Vector
+from dyknow.sim_uavs.dynamics.settings import VehicleConfig
+from dyknow.sim_uavs.dynamics.slung import Hoist
 
 STEP_US = 20_000
 _LONGEST_CATCH_UP_US = 10_000_000  # a process that was stopped for longer resumes where it stood

@@ -1,7 +1,7 @@
 """From a scenario's route to the plan that a platform's pilot flies."""
 
-from agents.places import FlightPlan, Waypoint
-from sim_uavs.dynamics.routes import Route
+from dyknow.agents.places import FlightPlan, Waypoint
+from dyknow.sim_uavs.dynamics.routes import Route
 
 
 def plan_of(route: Route, start_us: int) -> FlightPlan:

@@ -3,7 +3,7 @@
 from math import atan2, sqrt
 from typing import NamedTuple
 
-from sim_uavs.dynamics.quadcopter import AirframeLimits, Vector
+from dyknow.sim_uavs.dynamics.quadcopter import AirframeLimits, Vector
 
 _GAIN_PER_S = 0.9  # near the target the speed is the distance times this
 _BRAKING = 0.6  # of the acceleration limit, so that stopping leaves a reserve against wind

@@ -12,9 +12,9 @@ PX4's Offboard has a stream of targets to lose as well: two targets within `offb
 from enum import Enum, auto
 from typing import Final
 
-from navigation.vehicle import FailsafeReport, LinkLossAction
-from sim_uavs.dynamics.flight import Flight, GoingTo, Mode, StatusText
-from sim_uavs.dynamics.settings import PersonaName
+from dyknow.navigation.vehicle import FailsafeReport, LinkLossAction
+from dyknow.sim_uavs.dynamics.flight import Flight, GoingTo, Mode, StatusText
+from dyknow.sim_uavs.dynamics.settings import PersonaName
 
 _A = LinkLossAction
 _ARDUCOPTER: Final = {1: _A.RETURN, 2: _A.RETURN, 3: _A.RETURN, 4: _A.LAND, 5: _A.LAND, 6: _A.RETURN, 7: _A.LAND}

@@ -3,9 +3,9 @@
 from enum import StrEnum
 from typing import NamedTuple
 
-from navigation.geodesy import LocalFrame
-from navigation.mission_plans import MissionItem, MissionStep
-from sim_uavs.dynamics.quadcopter import Vector
+from dyknow.navigation.geodesy import LocalFrame
+from dyknow.navigation.mission_plans import MissionItem, MissionStep
+from dyknow.sim_uavs.dynamics.quadcopter import Vector
 
 
 class MissionAction(StrEnum):

@@ -7,9 +7,9 @@ from collections.abc import Sequence
 from math import cos, pi, sin
 from typing import NamedTuple
 
-from navigation.geodesy import LocalFrame
-from sim_uavs.dynamics.quadcopter import Vector
-from sim_uavs.dynamics.settings import HomePlace
+from dyknow.navigation.geodesy import LocalFrame
+from dyknow.sim_uavs.dynamics.quadcopter import Vector
+from dyknow.sim_uavs.dynamics.settings import HomePlace
 
 
 class Route(NamedTuple):

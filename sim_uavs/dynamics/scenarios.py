@@ -9,11 +9,11 @@ from typing import NamedTuple
 import numpy as np
 
 from dyknow.model.errors import TextError
-from navigation.geodesy import LocalFrame
-from sim_uavs.dynamics.quadcopter import AirframeLimits, Vector, Wind
-from sim_uavs.dynamics.routes import Route, circle, hover, patrol, through
-from sim_uavs.dynamics.settings import HomePlace, PersonaName, VehicleConfig
-from sim_uavs.dynamics.slung import Thing
+from dyknow.navigation.geodesy import LocalFrame
+from dyknow.sim_uavs.dynamics.quadcopter import AirframeLimits, Vector, Wind
+from dyknow.sim_uavs.dynamics.routes import Route, circle, hover, patrol, through
+from dyknow.sim_uavs.dynamics.settings import HomePlace, PersonaName, VehicleConfig
+from dyknow.sim_uavs.dynamics.slung import Thing
 
 ORIGIN = HomePlace(55.7240, 13.4600, 20.0)  # a training area in southern Sweden, flat enough
 HEIGHT_M = 40.0

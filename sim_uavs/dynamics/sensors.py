@@ -8,7 +8,7 @@ from typing import NamedTuple
 
 from numpy.random import Generator
 
-from sim_uavs.dynamics.quadcopter import GRAVITY_M_S2, ZERO, Body, Vector
+from dyknow.sim_uavs.dynamics.quadcopter import GRAVITY_M_S2, ZERO, Body, Vector
 
 
 class GpsNoise(NamedTuple):

@@ -3,10 +3,10 @@
 from dataclasses import dataclass, field
 from typing import Literal, NamedTuple, TypeAlias
 
-from navigation.fences import FenceArea
-from sim_uavs.dynamics.faults import ScheduledFault
-from sim_uavs.dynamics.quadcopter import AirframeLimits, Wind
-from sim_uavs.dynamics.sensors import GpsNoise, ImuNoise
+from dyknow.navigation.fences import FenceArea
+from dyknow.sim_uavs.dynamics.faults import ScheduledFault
+from dyknow.sim_uavs.dynamics.quadcopter import AirframeLimits, Wind
+from dyknow.sim_uavs.dynamics.sensors import GpsNoise, ImuNoise
 
 Peer: TypeAlias = tuple[str, int]  # host and UDP port
 PersonaName: TypeAlias = Literal["ardupilot", "ardupilot-3.3", "px4"]

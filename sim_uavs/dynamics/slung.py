@@ -2,7 +2,7 @@
 
 from typing import Literal, NamedTuple, Protocol, TypeAlias
 
-from sim_uavs.dynamics.quadcopter import Body
+from dyknow.sim_uavs.dynamics.quadcopter import Body
 
 ThingKind: TypeAlias = Literal["box", "carrier"]
 

@@ -8,30 +8,30 @@ from typing import NamedTuple
 
 import numpy as np
 
-from navigation import vehicle
-from navigation.cameras.pinhole import Attitude, PanTilt
-from navigation.cruise import CruiseReport
-from navigation.geodesy import LocalFrame
-from navigation.heard_aircraft import HeardAircraft
-from navigation.mission_plans import MissionPlanReport
-from sim_uavs.cameras.mount import Mount, MountLimits
-from sim_uavs.dynamics.aircraft import PassingAircraft, PassingTraffic
-from sim_uavs.dynamics.faults import ActiveFaults, FaultSchedule, SimulatedFault, spoil
-from sim_uavs.dynamics.fences import FlightFence
-from sim_uavs.dynamics.flight import GUIDED_MODES, Flight, FlightAnswer, GoingTo, Mode
-from sim_uavs.dynamics.link_loss import OWN_STATION, LinkFailsafe
-from sim_uavs.dynamics.missions import Item, flown_items
-from sim_uavs.dynamics.quadcopter import ZERO, Vector
-from sim_uavs.dynamics.sensors import GpsReading, next_wander, read_gps
-from sim_uavs.dynamics.settings import VehicleConfig
-from sim_uavs.dynamics.slung import Hoist, HoistFaults
+from dyknow.navigation import vehicle
+from dyknow.navigation.cameras.pinhole import Attitude, PanTilt
+from dyknow.navigation.cruise import CruiseReport
+from dyknow.navigation.geodesy import LocalFrame
+from dyknow.navigation.heard_aircraft import HeardAircraft
+from dyknow.navigation.mission_plans import MissionPlanReport
+from dyknow.sim_uavs.cameras.mount import Mount, MountLimits
+from dyknow.sim_uavs.dynamics.aircraft import PassingAircraft, PassingTraffic
+from dyknow.sim_uavs.dynamics.faults import ActiveFaults, FaultSchedule, SimulatedFault, spoil
+from dyknow.sim_uavs.dynamics.fences import FlightFence
+from dyknow.sim_uavs.dynamics.flight import GUIDED_MODES, Flight, FlightAnswer, GoingTo, Mode
+from dyknow.sim_uavs.dynamics.link_loss import OWN_STATION, LinkFailsafe
+from dyknow.sim_uavs.dynamics.missions import Item, flown_items
+from dyknow.sim_uavs.dynamics.quadcopter import ZERO, Vector
+from dyknow.sim_uavs.dynamics.sensors import GpsReading, next_wander, read_gps
+from dyknow.sim_uavs.dynamics.settings import VehicleConfig
+from dyknow.sim_uavs.dynamics.slung import Hoist, HoistFaults
 
 REPORT_US = 100_000
 SELDOM = 10
 WINCH_EVERY = 2
 _SOURCE = "GLOBAL_POSITION_INT"
 _RETRY_US, _ATTEMPTS = 500_000, 4
-"""How often an edge repeats an order that is not acknowledged (`proxies.mavlink.orders`)."""
+"""How often an edge repeats an order that is not acknowledged (`dyknow.proxies.mavlink.orders`)."""
 _REFUSALS = {
     1: FlightAnswer.REJECTED,
     2: FlightAnswer.DENIED,
@@ -304,7 +304,7 @@ class SimulatedVehicle(SensedFlight):
     def on_command(self, command: vehicle.Command, now_us: int, stamp_us: int) -> list[tuple[int, vehicle.Report]]:
         """Carry out an order, or refuse it: the answer, and after how long it comes.
 
-        An order whose acknowledgements are lost is repeated, as `proxies.mavlink.orders` does.
+        An order whose acknowledgements are lost is repeated, as `dyknow.proxies.mavlink.orders` does.
         """
         after_us, accepted, reason = self._answer(command.order, now_us)
         return [(after_us, vehicle.CommandResult(stamp_us, command.number, accepted, reason))]

@@ -14,5 +14,5 @@ class ReadySpecification(NamedTuple):
 READY: Final = {
     "emergency": ReadySpecification(Path(__file__).with_name("emergency.kpl"), ()),
     "logistics": ReadySpecification(Path(__file__).with_name("logistics.kpl"), ()),
-    "traffic": ReadySpecification(Path(__file__).with_name("traffic.kpl"), ("sim_uavs.monitoring.units",)),
+    "traffic": ReadySpecification(Path(__file__).with_name("traffic.kpl"), ("dyknow.sim_uavs.monitoring.units",)),
 }

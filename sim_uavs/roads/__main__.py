@@ -1,6 +1,6 @@
-"""`python -m sim_uavs.roads SCENE`: percepts of simulated traffic, the roads and the truth, as files to try things on.
+"""`python -m dyknow.sim_uavs.roads SCENE`: percepts of simulated traffic, the roads and the truth, as files.
 
-`python -m sim_uavs.roads six`, then `dyknow link --percepts six.percepts.jsonl --roads six.roads.geojson`. With `--sumo FILE`,
+`python -m dyknow.sim_uavs.roads six`, then `dyknow link --percepts six.percepts.jsonl --roads six.roads.geojson`. With `--sumo FILE`,
 floating car data of SUMO, its vehicles take the place of ours; their roads are the network of SUMO.
 """
 
@@ -14,9 +14,9 @@ from typing import Any
 import numpy as np
 
 from dyknow.model.errors import WrongCall
-from sim_uavs.roads.percepts import PerceptSource, Seeing
-from sim_uavs.roads.scenes import SCENES, Look, recorded
-from sim_uavs.roads.sumo import floating_cars
+from dyknow.sim_uavs.roads.percepts import PerceptSource, Seeing
+from dyknow.sim_uavs.roads.scenes import SCENES, Look, recorded
+from dyknow.sim_uavs.roads.sumo import floating_cars
 
 
 def truth_lines(looks: Iterable[Look]) -> Iterator[dict[str, Any]]:
@@ -40,7 +40,9 @@ def seen_of_sumo(text: bytes, seed: int) -> tuple[Look, ...]:
 
 
 def main() -> int:
-    parser = argparse.ArgumentParser(prog="python -m sim_uavs.roads", description=(__doc__ or "").partition("\n")[0])
+    parser = argparse.ArgumentParser(
+        prog="python -m dyknow.sim_uavs.roads", description=(__doc__ or "").partition("\n")[0]
+    )
     parser.add_argument("scene", nargs="?", choices=SCENES, help="a scene of our own (six)", default="six")
     parser.add_argument("--sumo", type=Path, metavar="FILE", help="floating car data of SUMO instead of a scene")
     parser.add_argument("--seed", type=int, default=1, help="equal seeds give equal files (1)")

@@ -1,13 +1,13 @@
-"""Road networks to simulate, as GeoJSON in a local frame, which users can write and `anchoring.roads` reads."""
+"""Road networks to simulate, as GeoJSON in a local frame, which users can write and `dyknow.anchoring.roads` reads."""
 
 import json
 from collections.abc import Callable, Iterable, Mapping
 from math import cos, pi, sin
 from typing import Any, NamedTuple, TypeAlias
 
-from anchoring.roads.files.formats import read_roads
-from anchoring.roads.geometry import Point2
-from anchoring.roads.network import RoadNetwork
+from dyknow.anchoring.roads.files.formats import read_roads
+from dyknow.anchoring.roads.geometry import Point2
+from dyknow.anchoring.roads.network import RoadNetwork
 from dyknow.model.errors import WrongCall
 
 LANE_M = 3.5

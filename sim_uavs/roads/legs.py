@@ -4,10 +4,10 @@ from collections.abc import Sequence
 from functools import cache
 from math import hypot, pi
 
-from anchoring.roads.elements import DirectedLink
-from anchoring.roads.network import RoadNetwork
+from dyknow.anchoring.roads.elements import DirectedLink
+from dyknow.anchoring.roads.network import RoadNetwork
 from dyknow.model.errors import WrongCall
-from sim_uavs.roads.lines import DrivenLine, curve, turned
+from dyknow.sim_uavs.roads.lines import DrivenLine, curve, turned
 
 TURN_M_S = 6.0
 """How fast a right angle is driven; a wider turn faster, up to the limit."""

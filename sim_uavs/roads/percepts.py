@@ -9,7 +9,7 @@ from typing import Any, NamedTuple
 
 from numpy.random import Generator
 
-from sim_uavs.roads.drivers import RoadState
+from dyknow.sim_uavs.roads.drivers import RoadState
 
 Area = tuple[float, float, float, float]
 """West, south, east, north in metres."""

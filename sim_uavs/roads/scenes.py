@@ -10,12 +10,12 @@ from typing import Any, NamedTuple
 import numpy as np
 from numpy.random import Generator
 
-from anchoring.roads.network import RoadNetwork
+from dyknow.anchoring.roads.network import RoadNetwork
 from dyknow.model.errors import WrongCall
-from sim_uavs.roads.drivers import Driver, RoadState, drawn
-from sim_uavs.roads.layouts import RoadsJson, bends, cross, network_of, town
-from sim_uavs.roads.percepts import Area, PerceptSource, Seeing, SeenPercept
-from sim_uavs.roads.traffic import SimulatedTraffic
+from dyknow.sim_uavs.roads.drivers import Driver, RoadState, drawn
+from dyknow.sim_uavs.roads.layouts import RoadsJson, bends, cross, network_of, town
+from dyknow.sim_uavs.roads.percepts import Area, PerceptSource, Seeing, SeenPercept
+from dyknow.sim_uavs.roads.traffic import SimulatedTraffic
 
 _SCENE_RNG = 21  # keeps the generators of scenes apart from others of the same seed
 

@@ -9,11 +9,11 @@ from typing import Final
 
 import numpy as np
 
-from anchoring.roads.network import RoadNetwork
 from dyknow import US_PER_S
-from sim_uavs.roads.drivers import Driver, RoadState, drawn
-from sim_uavs.roads.layouts import RoadsJson, network_of
-from sim_uavs.roads.traffic import STEP_US, SimulatedTraffic
+from dyknow.anchoring.roads.network import RoadNetwork
+from dyknow.sim_uavs.roads.drivers import Driver, RoadState, drawn
+from dyknow.sim_uavs.roads.layouts import RoadsJson, network_of
+from dyknow.sim_uavs.roads.traffic import STEP_US, SimulatedTraffic
 
 ROUND_US: Final = 600 * US_PER_S
 STRIDE_US: Final = 5 * US_PER_S

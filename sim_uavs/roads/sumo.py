@@ -2,17 +2,17 @@
 
 `<timestep time="0.1"> <vehicle id="v0" x="5.1" y="-1.6" angle="90" speed="3.2" type="truck" lane="e1_0"/>`: metres of the middle
 of the front bumper, degrees clockwise from north; lanes whose edge begins with `:` are inside of a junction. Links and
-crossings are those of the network as `anchoring.roads` reads it. SUMO itself is not needed.
+crossings are those of the network as `dyknow.anchoring.roads` reads it. SUMO itself is not needed.
 """
 
 from collections.abc import Iterator
 from math import cos, isfinite, nan, pi, radians, sin
 from xml.etree.ElementTree import Element
 
-from anchoring.roads.files.problems import Problems
-from anchoring.roads.files.xml_elements import elements
+from dyknow.anchoring.roads.files.problems import Problems
+from dyknow.anchoring.roads.files.xml_elements import elements
 from dyknow.model.errors import WrongCall
-from sim_uavs.roads.drivers import BUILDS, RoadKind, RoadState
+from dyknow.sim_uavs.roads.drivers import BUILDS, RoadKind, RoadState
 
 _KINDS: tuple[RoadKind, ...] = ("motorcycle", "truck", "car")
 

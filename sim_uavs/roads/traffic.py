@@ -11,10 +11,10 @@ from math import inf, sqrt
 
 from numpy.random import Generator
 
-from anchoring.roads.network import RoadNetwork
-from sim_uavs.roads.drivers import BUILDS, Driver, RoadState
-from sim_uavs.roads.layouts import LANE_M
-from sim_uavs.roads.legs import Driveways, Leg
+from dyknow.anchoring.roads.network import RoadNetwork
+from dyknow.sim_uavs.roads.drivers import BUILDS, Driver, RoadState
+from dyknow.sim_uavs.roads.layouts import LANE_M
+from dyknow.sim_uavs.roads.legs import Driveways, Leg
 
 STEP_US = 20_000
 _STEP_S = STEP_US / 1e6

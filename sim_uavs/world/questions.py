@@ -3,10 +3,10 @@
 from collections.abc import Callable
 from typing import TypeAlias
 
-from federation.transport import Answer, Answered, AnswerEnd, Ask, Asked, AskEnded
-from sim_uavs.world.agenda import Agenda
-from sim_uavs.world.routes import DeclaredRoutes
-from sim_uavs.world.sessions import Direction, Session, Transport
+from dyknow.federation.transport import Answer, Answered, AnswerEnd, Ask, Asked, AskEnded
+from dyknow.sim_uavs.world.agenda import Agenda
+from dyknow.sim_uavs.world.routes import DeclaredRoutes
+from dyknow.sim_uavs.world.sessions import Direction, Session, Transport
 
 UNANSWERED_US = 100
 """How long it takes to notice that there is no recipient."""

@@ -1,7 +1,7 @@
 """Subscriptions, found by key: a put costs what it reaches, not what there is."""
 
-from federation import keys
-from sim_uavs.world.sessions import Direction, Session
+from dyknow.federation import keys
+from dyknow.sim_uavs.world.sessions import Direction, Session
 
 _ANY = "*"
 

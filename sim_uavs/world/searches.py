@@ -3,9 +3,9 @@
 from itertools import count
 from typing import Final
 
-from agents.effects import RunSearch, SearchOver
-from runtime.searches.search import found_record
-from runtime.searches.workers import search_over
+from dyknow.agents.effects import RunSearch, SearchOver
+from dyknow.runtime.searches.search import found_record
+from dyknow.runtime.searches.workers import search_over
 
 SEARCH_US: Final = 50_000
 POLLS: Final = 2_000

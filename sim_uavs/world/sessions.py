@@ -3,7 +3,7 @@
 from collections.abc import Callable
 from typing import Any, NamedTuple
 
-from federation.transport import Arrived, WireEvent
+from dyknow.federation.transport import Arrived, WireEvent
 
 _new = tuple.__new__  # makes a NamedTuple in half the time
 

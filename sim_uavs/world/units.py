@@ -4,14 +4,14 @@ from collections.abc import Callable, Mapping, Sequence
 from dataclasses import dataclass, field
 from typing import Any, Protocol
 
-from agents.effects import Effect, Keep, KeepEncounter
-from agents.platform import Platform
-from federation.members.clock import FederationClock
-from federation.members.member import Member
-from navigation.vehicle import Command, Report
-from runtime.mailbox import Mailbox
-from sim_uavs.dynamics.faults import SimulatedFault
-from sim_uavs.dynamics.vehicles import TrueState
+from dyknow.agents.effects import Effect, Keep, KeepEncounter
+from dyknow.agents.platform import Platform
+from dyknow.federation.members.clock import FederationClock
+from dyknow.federation.members.member import Member
+from dyknow.navigation.vehicle import Command, Report
+from dyknow.runtime.mailbox import Mailbox
+from dyknow.sim_uavs.dynamics.faults import SimulatedFault
+from dyknow.sim_uavs.dynamics.vehicles import TrueState
 
 
 class DriftingClock:

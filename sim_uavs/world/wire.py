@@ -1,8 +1,8 @@
 """A wire in a box: Zenoh's service for platforms, in one process, on a fake clock, from one seed.
 
-Sessions put, subscribe, declare tokens and queryables and ask, as `federation.transport` says. Between each two of them
-lies a transport with two directions, each with a delay, jitter, loss, duplication and reordering of its own. Zenoh's
-behaviour under faults (measured) is kept:
+Sessions put, subscribe, declare tokens and queryables and ask, as `dyknow.federation.transport` says. Between each two
+of them lies a transport with two directions, each with a delay, jitter, loss, duplication and reordering of its own.
+Zenoh's behaviour under faults (measured) is kept:
 
 * a killed process resets its connections: its tokens go within milliseconds; behind a cut only with the lease;
 * a direction that is cut, or a process that stands still, ends the transport with the lease, both ways; it comes back
@@ -14,12 +14,12 @@ from collections.abc import Callable, Iterable
 from random import Random
 from typing import Any
 
-from federation import keys
-from federation import transport as wire
-from sim_uavs.world.agenda import Agenda
-from sim_uavs.world.questions import Questions
-from sim_uavs.world.routes import Routes
-from sim_uavs.world.sessions import Direction, Session, SessionLink, Transport
+from dyknow.federation import keys
+from dyknow.federation import transport as wire
+from dyknow.sim_uavs.world.agenda import Agenda
+from dyknow.sim_uavs.world.questions import Questions
+from dyknow.sim_uavs.world.routes import Routes
+from dyknow.sim_uavs.world.sessions import Direction, Session, SessionLink, Transport
 
 _new = tuple.__new__  # makes a NamedTuple in half the time
 

@@ -13,9 +13,9 @@ from queue import Empty
 from random import Random
 from typing import Any, TypeVar
 
-from agents.config import PlatformConfig
-from agents.directory.directory import DirectoryAgent
-from agents.effects import (
+from dyknow.agents.config import PlatformConfig
+from dyknow.agents.directory.directory import DirectoryAgent
+from dyknow.agents.effects import (
     Compute,
     DropHost,
     Effect,
@@ -34,24 +34,24 @@ from agents.effects import (
     Tell,
     TellHost,
 )
-from agents.platform import Platform
+from dyknow.agents.platform import Platform
+from dyknow.federation.members.clock import FederationClock
+from dyknow.federation.members.command_centre import CommandCentre
+from dyknow.federation.members.member import Member
+from dyknow.federation.messages.acts import Performative
+from dyknow.federation.messages.contents import Content
+from dyknow.federation.messages.dialogue import Dialogue
+from dyknow.federation.security.trust import Trust
+from dyknow.federation.transport import Conflated, WireEvent
 from dyknow.model.errors import Refused, TextError
-from federation.members.clock import FederationClock
-from federation.members.command_centre import CommandCentre
-from federation.members.member import Member
-from federation.messages.acts import Performative
-from federation.messages.contents import Content
-from federation.messages.dialogue import Dialogue
-from federation.security.trust import Trust
-from federation.transport import Conflated, WireEvent
-from navigation.vehicle import Command, Report
-from runtime.mailbox import Mailbox
-from sim_uavs.dynamics.faults import SimulatedFault, parse_fault
-from sim_uavs.world.agenda import Agenda
-from sim_uavs.world.searches import SEARCH_US, searched
-from sim_uavs.world.sessions import SessionLink
-from sim_uavs.world.units import DriftingClock, WorldNode, WorldVehicle
-from sim_uavs.world.wire import LEASE_US, Wire
+from dyknow.navigation.vehicle import Command, Report
+from dyknow.runtime.mailbox import Mailbox
+from dyknow.sim_uavs.dynamics.faults import SimulatedFault, parse_fault
+from dyknow.sim_uavs.world.agenda import Agenda
+from dyknow.sim_uavs.world.searches import SEARCH_US, searched
+from dyknow.sim_uavs.world.sessions import SessionLink
+from dyknow.sim_uavs.world.units import DriftingClock, WorldNode, WorldVehicle
+from dyknow.sim_uavs.world.wire import LEASE_US, Wire
 
 START_US, TRUTH_US = 1_700_000_000_000_000, 100_000
 T = TypeVar("T")

@@ -2,7 +2,7 @@ from collections.abc import Iterator
 
 import pytest
 
-from agents.platform import Platform
+from dyknow.agents.platform import Platform
 from tests.agents import invariants
 from tests.box import Box
 

@@ -10,29 +10,29 @@ from math import inf, nan
 from random import Random
 from typing import Any
 
-from agents.admission.admission import Admission
-from agents.exchange.import_proxy import ImportProxy
-from agents.platform import Platform
 from dyknow import Policy
-from dyknow.model.errors import DyknowError
-from dyknow.model.sample import Predicted, Quality
-from dyknow.model.values import Sort
-from federation import keys
-from federation.messages import codec, contents
-from federation.messages.acts import Act, AgentName, Performative
-from federation.messages.contents import Content
-from federation.messages.descriptions import (
+from dyknow.agents.admission.admission import Admission
+from dyknow.agents.exchange.import_proxy import ImportProxy
+from dyknow.agents.platform import Platform
+from dyknow.federation import keys
+from dyknow.federation.messages import codec, contents
+from dyknow.federation.messages.acts import Act, AgentName, Performative
+from dyknow.federation.messages.contents import Content
+from dyknow.federation.messages.descriptions import (
     ConditionEntry,
     DefinitionEntry,
     Description,
     LabelEntry,
     ServiceEntry,
 )
-from federation.messages.sexpr import Expr
-from federation.messages.unpacking import pack
-from federation.security.trust import Trust
-from federation.transport import Answered, Arrived
-from sim_uavs.world.world import World
+from dyknow.federation.messages.sexpr import Expr
+from dyknow.federation.messages.unpacking import pack
+from dyknow.federation.security.trust import Trust
+from dyknow.federation.transport import Answered, Arrived
+from dyknow.model.errors import DyknowError
+from dyknow.model.sample import Predicted, Quality
+from dyknow.model.values import Sort
+from dyknow.sim_uavs.world.world import World
 
 POLICY, HASH = Policy(), "ab12cd34"
 FINITE = (0.0, -0.0, 1.0, -1.0, 0.5, 90.0, -90.0, 180.0, 360.0, 58.0, 15.0, 100.0, 1e5, 1e9, 1e15, 1e154, 1e155, 1e303, 1.7e308, -1.7e308, 1e-300, 5e-324)  # fmt: skip

@@ -3,15 +3,15 @@
 from collections.abc import Iterable
 from dataclasses import dataclass, field
 
-from agents.effects import DropHost, HostCame, HostEffect, HostLeft, HostMessage, TellHost
-from agents.hosts.host_desk import HostDesk
-from agents.hosts.knowledge_host import KnowledgeHost, Read
-from agents.hosts.outbox import Outbox
 from dyknow import Label, Network, Prototype, Sample, SourcePrototype
-from federation.hosts.codec import decode_from_platform
-from federation.hosts.messages import End, Refuse, Welcome
-from federation.members.clock import FederationClock
-from kpl import Hooks, Instance, parse_specification
+from dyknow.agents.effects import DropHost, HostCame, HostEffect, HostLeft, HostMessage, TellHost
+from dyknow.agents.hosts.host_desk import HostDesk
+from dyknow.agents.hosts.knowledge_host import KnowledgeHost, Read
+from dyknow.agents.hosts.outbox import Outbox
+from dyknow.federation.hosts.codec import decode_from_platform
+from dyknow.federation.hosts.messages import End, Refuse, Welcome
+from dyknow.federation.members.clock import FederationClock
+from dyknow.kpl import Hooks, Instance, parse_specification
 
 
 @dataclass
@@ -147,8 +147,8 @@ class Site:
             self.settle()
 
     def beat(self, guest: Guest) -> None:
-        from federation.hosts.codec import encode
-        from federation.hosts.messages import Beat
+        from dyknow.federation.hosts.codec import encode
+        from dyknow.federation.hosts.messages import Beat
 
         self.desk.on_event(HostMessage(self.now_us, guest.number, encode(Beat(0))), self.now_us)
         self.settle()

@@ -1,11 +1,11 @@
 """What holds of every platform after every test, whatever the test did to it."""
 
-from agents.platform import Platform
-from agents.specification.specification_part import OWNER
-from federation import keys
-from federation.members.member import Member
-from federation.messages.protocols import Phase
-from federation.messages.receipts import RECEIPT_AGENT
+from dyknow.agents.platform import Platform
+from dyknow.agents.specification.specification_part import OWNER
+from dyknow.federation import keys
+from dyknow.federation.members.member import Member
+from dyknow.federation.messages.protocols import Phase
+from dyknow.federation.messages.receipts import RECEIPT_AGENT
 from tests.box import Box
 
 

@@ -2,8 +2,8 @@
 
 from hashlib import sha256
 
-from federation.security.trust import Role, Roster, RosterMember, Signer, Trust
-from sim_uavs.world.world import START_US
+from dyknow.federation.security.trust import Role, Roster, RosterMember, Signer, Trust
+from dyknow.sim_uavs.world.world import START_US
 
 ROLES: dict[str, Role] = {
     "0": "uav",

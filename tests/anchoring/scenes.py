@@ -10,10 +10,10 @@ from typing import NamedTuple
 import numpy as np
 from scipy.optimize import linear_sum_assignment
 
-from anchoring.links.states import ObjectState, diagonal
-from anchoring.links.structures import ObjectLinkage, Percept, StateRecord
-from anchoring.ready import VISION, WORLD, ready_specification
-from anchoring.roads.network import RoadNetwork
+from dyknow.anchoring.links.states import ObjectState, diagonal
+from dyknow.anchoring.links.structures import ObjectLinkage, Percept, StateRecord
+from dyknow.anchoring.ready import VISION, WORLD, ready_specification
+from dyknow.anchoring.roads.network import RoadNetwork
 from tests.anchoring.roads.towns import grid
 
 Place = tuple[float, float]

@@ -2,10 +2,10 @@
 
 from math import hypot
 
-from anchoring.links.states import ObjectState, diagonal
-from anchoring.links.structures import ObjectLinkage, Percept
-from anchoring.ready import ON_ROAD, VISION, ready_specification
-from sim_uavs.roads.layouts import cross, network_of
+from dyknow.anchoring.links.states import ObjectState, diagonal
+from dyknow.anchoring.links.structures import ObjectLinkage, Percept
+from dyknow.anchoring.ready import ON_ROAD, VISION, ready_specification
+from dyknow.sim_uavs.roads.layouts import cross, network_of
 
 STEP_US = 100_000
 END_US = 3_000_000

@@ -1,7 +1,7 @@
 import ast
 from pathlib import Path
 
-import compunits
+from dyknow import compunits
 
 
 def test_the_package_file_only_imports() -> None:

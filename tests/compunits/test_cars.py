@@ -7,9 +7,9 @@ import pytest
 from hypothesis import assume, given
 from hypothesis import strategies as st
 
-from compunits import CAR, NO_LINK, ROAD_RELATIONS, Subjects
-from compunits.motion import turn_deg
 from dyknow import NO_VALUE, Sample, variant
+from dyknow.compunits import CAR, NO_LINK, ROAD_RELATIONS, Subjects
+from dyknow.compunits.motion import turn_deg
 from tests.compunits.units import outputs, process, stream, value_of, values
 from tests.kpl.instances import Running
 

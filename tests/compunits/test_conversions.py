@@ -4,9 +4,9 @@ import pytest
 from hypothesis import given
 from hypothesis import strategies as st
 
-from compunits import conversion
-from compunits.conversions import FACTORS
 from dyknow import NO_VALUE, Quality, Sample
+from dyknow.compunits import conversion
+from dyknow.compunits.conversions import FACTORS
 from tests.compunits.units import process, prototype, value_of
 
 KNOWN = [

@@ -6,9 +6,9 @@ import pytest
 from hypothesis import given, settings
 from hypothesis import strategies as st
 
-from compunits import MovingAverage, library
-from compunits.numeric import is_sound, numbers_of
 from dyknow import NO_VALUE, SURE, Quality, Sample
+from dyknow.compunits import MovingAverage, library
+from dyknow.compunits.numeric import is_sound, numbers_of
 from tests.compunits.units import process, prototype
 
 FEW = settings(max_examples=settings.default.max_examples // 3)

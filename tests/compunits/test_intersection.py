@@ -7,8 +7,8 @@ import pytest
 from hypothesis import given
 from hypothesis import strategies as st
 
-from compunits import intersect
 from dyknow import NO_VALUE, Quality, Sample
+from dyknow.compunits import intersect
 from tests.compunits.units import process, variances
 
 SEEDS = st.integers(0, 2**32 - 1)

@@ -8,8 +8,8 @@ from hypothesis import given, settings
 from hypothesis import strategies as st
 
 from dyknow import NO_VALUE, Quality, Sample
-from navigation import LocalFrame, distance_m
-from navigation.geodesy import metres_per_degree
+from dyknow.navigation import LocalFrame, distance_m
+from dyknow.navigation.geodesy import metres_per_degree
 from tests.compunits.test_motion import HERE, moved
 from tests.compunits.units import outputs, process, stream, values, variances
 

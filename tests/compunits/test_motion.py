@@ -6,10 +6,10 @@ import pytest
 from hypothesis import given
 from hypothesis import strategies as st
 
-from compunits.motion import offset_m, turn_deg
 from dyknow import NO_VALUE
-from navigation import LocalFrame, distance_m
-from navigation.geodesy import to_ecef
+from dyknow.compunits.motion import offset_m, turn_deg
+from dyknow.navigation import LocalFrame, distance_m
+from dyknow.navigation.geodesy import to_ecef
 from tests.compunits.units import outputs, process, stream, value_of, values
 
 LATITUDES, LONGITUDES = st.floats(-80, 80), st.floats(-180, 180)

@@ -3,8 +3,8 @@
 import numpy as np
 import pytest
 
-from compunits import ROAD_RELATIONS
 from dyknow import NO_VALUE, Predicted, Quality, Sample
+from dyknow.compunits import ROAD_RELATIONS
 from tests.compunits.units import process
 
 CHAIN = ("RoadOffset", "SmoothOffset", "RoadRelations", "StableFields")

@@ -8,8 +8,8 @@ from types import ModuleType
 
 import pytest
 
-from compunits import Catalogue, SpeedEst, catalogue, library, load_module, prototypes_of
 from dyknow import SourcePrototype, UnitPrototype, value_unit, variant
+from dyknow.compunits import Catalogue, SpeedEst, catalogue, library, load_module, prototypes_of
 from dyknow.model.errors import UnitError
 from tests.compunits.units import prototype, value_of
 
@@ -87,7 +87,7 @@ def test_units_of_a_users_module_are_found_by_name(folder) -> None:
 
 def test_a_users_module_decides_over_the_library(folder) -> None:
     text = """
-        from compunits import SpeedEst, MovingAverage
+        from dyknow.compunits import SpeedEst, MovingAverage
         from dyknow import variant
 
         SPEED = variant(SpeedEst, "Speed2s", seconds=2.0)
@@ -181,8 +181,8 @@ def test_a_module_that_fails_is_told_with_place_cause_and_remedy(folder, text, t
 def test_a_module_that_is_not_there_is_told() -> None:
     with pytest.raises(UnitError, match=r"there is no module 'not_there_at_all'; is it installed"):
         load_module("not_there_at_all")
-    with pytest.raises(UnitError, match=r"there is no module 'compunits\.not_there'"):
-        load_module("compunits.not_there")
+    with pytest.raises(UnitError, match=r"there is no module 'dyknow\.compunits\.not_there'"):
+        load_module("dyknow.compunits.not_there")
 
 
 @pytest.mark.parametrize(("text", "told"), BROKEN)

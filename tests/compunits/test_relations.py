@@ -6,9 +6,9 @@ import pytest
 from hypothesis import assume, given
 from hypothesis import strategies as st
 
-from compunits import CAR_RELATIONS
-from compunits.motion import turn_deg
 from dyknow import NO_VALUE
+from dyknow.compunits import CAR_RELATIONS
+from dyknow.compunits.motion import turn_deg
 from tests.compunits.test_motion import HERE, moved
 from tests.compunits.units import prototype, value_of
 

@@ -7,8 +7,8 @@ import pytest
 from hypothesis import example, given
 from hypothesis import strategies as st
 
-from compunits import MovingAverage, StabilityFilter
 from dyknow import NO_VALUE, Predicted, Quality, Sample, variant
+from dyknow.compunits import MovingAverage, StabilityFilter
 from tests.compunits.units import outputs, process, stream, values
 
 NUMBERS = st.floats(-1e6, 1e6)

@@ -2,10 +2,10 @@
 
 import pytest
 
-from compunits import library
 from dyknow import Field, Network, Sample, Sort
+from dyknow.compunits import library
+from dyknow.kpl import Hooks, Instance, parse_specification
 from dyknow.model.errors import TextErrors
-from kpl import Hooks, Instance, parse_specification
 from tests.compunits.test_motion import HERE, moved
 
 POSITION = Sort("position", (Field("latitude_deg", "deg"), Field("longitude_deg", "deg")))

@@ -3,8 +3,8 @@
 from collections.abc import Iterable
 from typing import Any
 
-from compunits import library
 from dyknow import ComputationalUnit, Quality, Sample, UnitPrototype, prototypes_in
+from dyknow.compunits import library
 
 
 def prototype(unit: Any) -> UnitPrototype:

@@ -7,10 +7,10 @@ from typing import Any
 
 import pytest
 
-from console.centre import client
-from console.command import Call
-from console.output.output import Output
-from runtime.configuration.settings import Settings
+from dyknow.console.centre import client
+from dyknow.console.command import Call
+from dyknow.console.output.output import Output
+from dyknow.runtime.configuration.settings import Settings
 from tests import command
 from tests.box import Box
 

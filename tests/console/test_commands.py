@@ -9,26 +9,26 @@ from typing import Any
 
 import pytest
 
-from agents.config import PlatformConfig
-from agents.effects import Fed
-from agents.tasks.life import TaskLife
-from console.centre import client
-from console.command import Call
-from console.errors import DONE, NO
-from console.output.output import Output
+from dyknow.agents.config import PlatformConfig
+from dyknow.agents.effects import Fed
+from dyknow.agents.tasks.life import TaskLife
+from dyknow.console.centre import client
+from dyknow.console.command import Call
+from dyknow.console.errors import DONE, NO
+from dyknow.console.output.output import Output
+from dyknow.federation.messages.acts import Act, Performative
+from dyknow.federation.messages.contents import MonitorProximity, TaskEntry, TaskList, Tasks
 from dyknow.model.errors import DyknowError, NothingFound, WrongCall
-from federation.messages.acts import Act, Performative
-from federation.messages.contents import MonitorProximity, TaskEntry, TaskList, Tasks
-from navigation.vehicle import BatteryReport, HomeReport, PositionReport, StatusReport, VelocityReport
-from reasoning import OF_SEPARATION
-from runtime.configuration.settings import Settings
+from dyknow.navigation.vehicle import BatteryReport, HomeReport, PositionReport, StatusReport, VelocityReport
+from dyknow.reasoning import OF_SEPARATION
+from dyknow.runtime.configuration.settings import Settings
 from tests.box import EPOCH, Box
 
 Lines = Callable[[], list[dict[str, Any]]]
 
 
 def test_ls_shows_platforms_with_services_labels_ages_and_clock(world: Box, call: Call, lines: Lines) -> None:
-    from console.commands.members.ls import ls
+    from dyknow.console.commands.members.ls import ls
 
     assert ls(call, all_kinds=False) == DONE
     shown = lines()
@@ -43,7 +43,7 @@ def test_ls_shows_platforms_with_services_labels_ages_and_clock(world: Box, call
 
 
 def test_ls_tells_since_when_each_platform_lives_whoever_asks(world: Box, call: Call, lines: Lines) -> None:
-    from console.commands.members.ls import ls
+    from dyknow.console.commands.members.ls import ls
 
     for _ in range(2):
         assert ls(call, all_kinds=True) == DONE
@@ -55,7 +55,7 @@ def test_ls_tells_since_when_each_platform_lives_whoever_asks(world: Box, call: 
 
 
 def test_ls_finds_nobody_in_an_empty_federation(call: Call, lines: Lines, monkeypatch: pytest.MonkeyPatch) -> None:
-    from console.commands.members.ls import ls
+    from dyknow.console.commands.members.ls import ls
 
     empty = Box()
     monkeypatch.setattr(client, "_client_ports", lambda _call: empty.client_ports())
@@ -68,7 +68,7 @@ def test_ls_finds_nobody_in_an_empty_federation(call: Call, lines: Lines, monkey
 def test_an_endpoint_that_cannot_be_reached_is_named_where_no_platform_is(
     capsys: pytest.CaptureFixture[str], monkeypatch: pytest.MonkeyPatch
 ) -> None:
-    from console.commands.members.ls import ls
+    from dyknow.console.commands.members.ls import ls
 
     why = "connection refused by tcp/127.0.0.1:1: nothing listens there"
     around = Box().client_ports()._replace(trouble=lambda: [why])
@@ -97,7 +97,7 @@ def test_one_that_only_others_hear_is_waited_for(world: Box) -> None:
 
 
 def _query(call: Call, **given: Any) -> int:
-    from console.commands.members.query import query
+    from dyknow.console.commands.members.query import query
 
     options: dict[str, Any] = {
         "unit": None,
@@ -181,7 +181,7 @@ def test_a_frozen_platform_is_named_and_the_others_answers_are_there(world: Box,
 def test_a_platform_that_froze_out_of_a_newcomers_reach_is_named_and_listed(
     world: Box, call: Call, lines: Lines
 ) -> None:
-    from console.commands.members.ls import ls
+    from dyknow.console.commands.members.ls import ls
 
     world.freeze("1")
     world.run(0.5)
@@ -194,7 +194,7 @@ def test_a_platform_that_froze_out_of_a_newcomers_reach_is_named_and_listed(
 def test_a_platform_that_was_killed_stays_as_gone_until_it_returns(
     world: Box, call: Call, lines: Lines, capsys: pytest.CaptureFixture[str]
 ) -> None:
-    from console.commands.members.ls import ls
+    from dyknow.console.commands.members.ls import ls
 
     killed_us = world.now_us
     world.kill("1")
@@ -222,7 +222,7 @@ def test_a_platform_that_was_killed_stays_as_gone_until_it_returns(
 def test_a_platform_that_was_killed_is_named_while_any_platform_lives_also_one_that_never_met_it(
     world: Box, call: Call, lines: Lines
 ) -> None:
-    from console.commands.members.ls import ls
+    from dyknow.console.commands.members.ls import ls
 
     killed_us = world.now_us
     world.kill("1")
@@ -245,7 +245,7 @@ def test_a_platform_that_was_killed_is_named_while_any_platform_lives_also_one_t
 
 
 def test_a_platform_that_said_good_bye_is_neither_named_nor_listed(world: Box, call: Call, lines: Lines) -> None:
-    from console.commands.members.ls import ls
+    from dyknow.console.commands.members.ls import ls
 
     world.end("1")
     world.run(1.0)
@@ -258,7 +258,7 @@ def test_a_platform_that_said_good_bye_is_neither_named_nor_listed(world: Box, c
 def test_data_older_than_its_policy_allows_is_red_and_said_to_be(
     world: Box, call: Call, lines: Lines, capsys: pytest.CaptureFixture[str]
 ) -> None:
-    from console.commands.members.ls import ls
+    from dyknow.console.commands.members.ls import ls
 
     text = Call(call.settings, Output(json_lines=False))
     assert ls(call, all_kinds=False) == DONE
@@ -321,7 +321,7 @@ def test_times_in_the_wrong_order_are_a_wrong_call(world: Box, call: Call) -> No
 def test_a_stream_off_the_grid_is_watched_at_its_own_instants_and_the_cause_is_told(
     monkeypatch: pytest.MonkeyPatch, call: Call, lines: Lines, capsys: pytest.CaptureFixture[str], off_us: int
 ) -> None:
-    from console.commands.members.watch import watch
+    from dyknow.console.commands.members.watch import watch
 
     world = Box()
     world.add("3", PlatformConfig("3", 0, clock=world.clock, vehicle=False))
@@ -347,7 +347,7 @@ def test_a_stream_off_the_grid_is_watched_at_its_own_instants_and_the_cause_is_t
 
 
 def test_watch_prints_a_federated_stream_and_takes_it_down(world: Box, call: Call, lines: Lines) -> None:
-    from console.commands.members.watch import watch
+    from dyknow.console.commands.members.watch import watch
 
     assert watch(call, "heli-position", unit=None, every="200ms", max_delay="1s", count=9) == DONE
     shown = lines()
@@ -362,14 +362,14 @@ def test_watch_prints_a_federated_stream_and_takes_it_down(world: Box, call: Cal
 
 @pytest.mark.parametrize("given", [{"every": "0s"}, {"max_delay": "0s"}, {"every": "5"}])
 def test_a_stream_needs_a_period_and_a_delay(call: Call, given: dict[str, str]) -> None:
-    from console.commands.members.watch import watch
+    from dyknow.console.commands.members.watch import watch
 
     with pytest.raises(WrongCall, match=r"^--(every|max-delay): .*(too short|say 5ms or 5s)"):
         watch(call, "heli-position", unit=None, count=1, **{"every": "200ms", "max_delay": "1s", **given})
 
 
 def test_a_stream_of_an_unknown_label_is_answered_with_the_nearest_known(world: Box, call: Call) -> None:
-    from console.commands.members.watch import watch
+    from dyknow.console.commands.members.watch import watch
 
     with pytest.raises(NothingFound, match="Did you mean 'heli-position'"):
         watch(call, "heli-positio", unit=None, every="200ms", max_delay="1s", count=1)
@@ -387,14 +387,14 @@ def test_a_span_without_samples_is_told(world: Box, call: Call, lines: Lines) ->
     ("kind", "said"), [("explode", "gps-loss"), ("clock=5", "say 5ms or 5s"), ("nan=1", "write nan")]
 )
 def test_a_fault_that_there_is_not_is_a_wrong_call(call: Call, kind: str, said: str) -> None:
-    from console.commands.members.delegate import fault
+    from dyknow.console.commands.members.delegate import fault
 
     with pytest.raises(WrongCall, match=f"^KIND: .*{said}"):
         fault(call, "0", kind, None)
 
 
 def _delegated(call: Call, lines: Lines) -> str:
-    from console.commands.members.delegate import delegate
+    from dyknow.console.commands.members.delegate import delegate
 
     assert delegate(call, "monitor-proximity", [], to="0", wait=None) == DONE
     said = lines()
@@ -406,8 +406,8 @@ def _delegated(call: Call, lines: Lines) -> str:
 def test_a_delegated_task_lives_on_is_listed_and_is_cancelled_by_another_command(
     world: Box, call: Call, lines: Lines
 ) -> None:
-    from console.commands.members.delegate import cancel, tasks
-    from console.commands.members.monitors import monitors
+    from dyknow.console.commands.members.delegate import cancel, tasks
+    from dyknow.console.commands.members.monitors import monitors
 
     conversation = _delegated(call, lines)
     world.run(3.0)
@@ -430,7 +430,7 @@ def test_a_delegated_task_lives_on_is_listed_and_is_cancelled_by_another_command
 def test_a_task_that_runs_already_is_named_and_no_second_one_begins(
     world: Box, call: Call, lines: Lines, capsys: pytest.CaptureFixture[str]
 ) -> None:
-    from console.commands.members.delegate import delegate, tasks
+    from dyknow.console.commands.members.delegate import delegate, tasks
 
     conversation = _delegated(call, lines)
     world.run(2.0)
@@ -455,8 +455,8 @@ def test_a_task_that_runs_already_is_named_and_no_second_one_begins(
 def test_a_task_that_another_platform_may_end_does_not_take_the_place_of_ones_own(
     world: Box, call: Call, lines: Lines
 ) -> None:
-    from console.commands.members.delegate import delegate
-    from console.commands.members.monitors import monitors
+    from dyknow.console.commands.members.delegate import delegate
+    from dyknow.console.commands.members.monitors import monitors
 
     of_a_platform = world.asked("2", "0", MonitorProximity())
     world.run(3.0)
@@ -472,7 +472,7 @@ def test_a_task_that_another_platform_may_end_does_not_take_the_place_of_ones_ow
 def test_a_task_is_not_believed_to_run_where_platforms_have_no_monitors(
     world: Box, call: Call, lines: Lines, monkeypatch: pytest.MonkeyPatch
 ) -> None:
-    from console.commands.members.delegate import delegate
+    from dyknow.console.commands.members.delegate import delegate
 
     answer = TaskLife.on_tasks
 
@@ -491,8 +491,8 @@ def test_a_task_is_not_believed_to_run_where_platforms_have_no_monitors(
 
 
 def test_who_alone_has_no_monitor_is_named(world: Box, call: Call, lines: Lines) -> None:
-    from console.commands.members.alarms import alarms
-    from console.commands.members.monitors import monitors
+    from dyknow.console.commands.members.alarms import alarms
+    from dyknow.console.commands.members.monitors import monitors
 
     _delegated(call, lines)
     world.run(2.0)
@@ -507,7 +507,7 @@ def test_who_alone_has_no_monitor_is_named(world: Box, call: Call, lines: Lines)
 
 
 def test_a_task_that_a_successor_holds_is_named_with_its_holder(world: Box, call: Call, lines: Lines) -> None:
-    from console.commands.members.delegate import delegate
+    from dyknow.console.commands.members.delegate import delegate
 
     conversation = _delegated(call, lines)
     world.run(3.0)
@@ -519,7 +519,7 @@ def test_a_task_that_a_successor_holds_is_named_with_its_holder(world: Box, call
 
 
 def test_an_unknown_task_and_an_unknown_conversation_are_told(world: Box, call: Call) -> None:
-    from console.commands.members.delegate import cancel, delegate
+    from dyknow.console.commands.members.delegate import cancel, delegate
 
     with pytest.raises(WrongCall, match="Did you mean 'monitor-proximity'"):
         delegate(call, "monitor-proximty", [], to=None, wait=None)
@@ -528,14 +528,14 @@ def test_an_unknown_task_and_an_unknown_conversation_are_told(world: Box, call: 
 
 
 def test_a_task_for_one_platform_needs_its_name(world: Box, call: Call) -> None:
-    from console.commands.members.delegate import delegate
+    from dyknow.console.commands.members.delegate import delegate
 
     with pytest.raises(WrongCall, match="there are 0, 1, 2"):
         delegate(call, "hold", [], to=None, wait=None)
 
 
 def test_a_refusal_is_an_answer_of_no(world: Box, call: Call, lines: Lines) -> None:
-    from console.commands.members.delegate import delegate
+    from dyknow.console.commands.members.delegate import delegate
 
     pairs = ["semantic-labels=max-speed", "sample-period=1s", "delay=1s", "to-units=0"]
     assert delegate(call, "create-multicast", pairs, to="1", wait="acceptance") == NO
@@ -545,7 +545,7 @@ def test_a_refusal_is_an_answer_of_no(world: Box, call: Call, lines: Lines) -> N
 def test_alarms_are_told_as_they_happen_and_remembered(
     monkeypatch: pytest.MonkeyPatch, call: Call, lines: Lines
 ) -> None:
-    from console.commands.members.alarms import alarms
+    from dyknow.console.commands.members.alarms import alarms
 
     world = Box()
     world.fly("0", -60.0, 0.0, 5.0)
@@ -569,8 +569,8 @@ def test_alarms_are_told_as_they_happen_and_remembered(
 def test_an_alarm_says_what_it_is_about_in_which_units_and_whether_it_is_still_open(
     monkeypatch: pytest.MonkeyPatch, call: Call, lines: Lines, capsys: pytest.CaptureFixture[str]
 ) -> None:
-    from console.commands.members.alarms import _quantity, alarms
-    from federation.messages.contents import Alarm
+    from dyknow.console.commands.members.alarms import _quantity, alarms
+    from dyknow.federation.messages.contents import Alarm
 
     world = Box()
     world.fly("0", 0.0, 0.0)
@@ -592,7 +592,7 @@ def test_an_alarm_says_what_it_is_about_in_which_units_and_whether_it_is_still_o
 
 
 def test_ls_watches_until_it_is_interrupted(world: Box, call: Call, capsys: pytest.CaptureFixture[str]) -> None:
-    from console.commands.members.ls import ls
+    from dyknow.console.commands.members.ls import ls
 
     def interrupt() -> None:
         raise KeyboardInterrupt
@@ -624,7 +624,7 @@ WITHIN_US = 2_000_000
 def test_followers_of_alarms_are_told_when_monitoring_is_lost_and_when_it_is_back(
     world: Box, call: Call, lines: Lines, happens: Callable[[Box], None], events: set[str]
 ) -> None:
-    from console.commands.members.alarms import alarms
+    from dyknow.console.commands.members.alarms import alarms
 
     class Enough(Exception):
         pass
@@ -656,8 +656,8 @@ def test_followers_of_alarms_are_told_when_monitoring_is_lost_and_when_it_is_bac
 def test_who_follows_alarms_is_told_that_none_is_open_and_who_is_nearest(
     world: Box, call: Call, capsys: pytest.CaptureFixture[str]
 ) -> None:
-    from console.centre.separation import closest
-    from console.commands.members.alarms import _note_calm
+    from dyknow.console.centre.separation import closest
+    from dyknow.console.commands.members.alarms import _note_calm
 
     with client.connected(call) as connection:
         connection.settle()
@@ -671,8 +671,8 @@ def test_who_follows_alarms_is_told_that_none_is_open_and_who_is_nearest(
 def test_alarms_and_monitors_end_with_how_many_monitors_are_unknown(
     world: Box, call: Call, lines: Lines, capsys: pytest.CaptureFixture[str]
 ) -> None:
-    from console.commands.members.alarms import alarms
-    from console.commands.members.monitors import monitors
+    from dyknow.console.commands.members.alarms import alarms
+    from dyknow.console.commands.members.monitors import monitors
 
     text = Call(call.settings, Output(json_lines=False))
     _delegated(call, lines)
@@ -697,7 +697,7 @@ def test_alarms_and_monitors_end_with_how_many_monitors_are_unknown(
 
 
 def test_a_follower_who_comes_later_is_told_what_is_unknown_already(world: Box, call: Call, lines: Lines) -> None:
-    from runtime.library.alarm_news import AlarmNews
+    from dyknow.runtime.library.alarm_news import AlarmNews
 
     _delegated(call, lines)
     world.run(3.0)
@@ -714,7 +714,7 @@ def test_a_follower_who_comes_later_is_told_what_is_unknown_already(world: Box, 
 def test_a_monitor_without_another_platform_to_watch_says_so(
     monkeypatch: pytest.MonkeyPatch, call: Call, lines: Lines, capsys: pytest.CaptureFixture[str]
 ) -> None:
-    from console.commands.members.monitors import monitors
+    from dyknow.console.commands.members.monitors import monitors
 
     world = Box()
     world.fly("0", 0.0, 0.0)
@@ -733,7 +733,7 @@ def test_a_monitor_without_another_platform_to_watch_says_so(
 
 
 def test_acts_are_told_in_s_expressions(world: Box, call: Call, lines: Lines) -> None:
-    from console.commands.members.acts import acts
+    from dyknow.console.commands.members.acts import acts
 
     _delegated(call, lines)
     assert acts(call, follow=False) == DONE
@@ -745,7 +745,7 @@ def test_acts_are_told_in_s_expressions(world: Box, call: Call, lines: Lines) ->
 def test_acts_are_a_line_each_without_questions_and_without_second_copies(
     world: Box, call: Call, lines: Lines, capsys: pytest.CaptureFixture[str]
 ) -> None:
-    from console.commands.members.acts import acts
+    from dyknow.console.commands.members.acts import acts
 
     _delegated(call, lines)
     world.run(1.0)
@@ -767,7 +767,7 @@ def test_acts_are_a_line_each_without_questions_and_without_second_copies(
 
 
 def _full(call: Call, capsys: pytest.CaptureFixture[str]) -> list[str]:
-    from console.commands.members.acts import acts
+    from dyknow.console.commands.members.acts import acts
 
     assert acts(call, full=True, last=3) == DONE
     return capsys.readouterr().out.splitlines()
@@ -776,7 +776,7 @@ def _full(call: Call, capsys: pytest.CaptureFixture[str]) -> list[str]:
 def test_followed_acts_are_those_from_now_on(
     world: Box, call: Call, lines: Lines, capsys: pytest.CaptureFixture[str]
 ) -> None:
-    from console.commands.members.acts import acts
+    from dyknow.console.commands.members.acts import acts
 
     class Enough(Exception):
         pass
@@ -793,7 +793,7 @@ def test_followed_acts_are_those_from_now_on(
 
 
 def test_a_fault_reaches_the_simulated_vehicle(world: Box, call: Call, lines: Lines) -> None:
-    from console.commands.members.delegate import fault
+    from dyknow.console.commands.members.delegate import fault
 
     assert fault(call, "1", "packet-loss=30", "5s") == DONE
     [told] = lines()
@@ -804,7 +804,7 @@ def test_a_fault_reaches_the_simulated_vehicle(world: Box, call: Call, lines: Li
 
 
 def test_a_formula_is_checked_over_live_states(world: Box, call: Call, lines: Lines) -> None:
-    from console.commands.texts.check import check
+    from dyknow.console.commands.texts.check import check
 
     assert check(call, "always height[self] < 20", trace=None, unit="0", timeout="3s") == NO
     [told] = lines()
@@ -818,7 +818,7 @@ def test_a_formula_is_checked_over_live_states(world: Box, call: Call, lines: Li
 def test_one_formula_is_checked_over_a_derived_feature_and_a_stream_of_the_platform(
     world: Box, call: Call, lines: Lines
 ) -> None:
-    from console.commands.texts.check import check
+    from dyknow.console.commands.texts.check import check
 
     text = "always (height[self] < 20 or heli-altitude.altitude_m[0] < 0)"
     assert check(call, text, trace=None, unit="0", timeout="3s") == NO
@@ -831,7 +831,7 @@ def test_one_formula_is_checked_over_a_derived_feature_and_a_stream_of_the_platf
 def test_a_formula_about_what_never_had_a_value_is_noted(
     monkeypatch: pytest.MonkeyPatch, call: Call, capsys: pytest.CaptureFixture[str]
 ) -> None:
-    from console.commands.texts.check import check
+    from dyknow.console.commands.texts.check import check
 
     world = Box()
     world.lacking.add(BatteryReport)
@@ -847,8 +847,8 @@ def test_a_formula_about_what_never_had_a_value_is_noted(
 
 @pytest.mark.parametrize("formula", ["always sped[self] < 3", "always speed[self, 1] < 3", "always speed[self] <"])
 def test_a_mistake_in_a_formula_about_a_platform_is_a_wrong_call(world: Box, call: Call, formula: str) -> None:
-    from console.commands.texts.check import check
-    from console.errors import WRONG, exit_code
+    from dyknow.console.commands.texts.check import check
+    from dyknow.console.errors import WRONG, exit_code
 
     with pytest.raises(DyknowError) as told:
         check(call, formula, trace=None, unit="0", timeout="1s")
@@ -859,8 +859,8 @@ def test_a_mistake_in_a_formula_about_a_platform_is_a_wrong_call(world: Box, cal
 def test_a_federation_with_a_faster_clock_is_understood(
     monkeypatch: pytest.MonkeyPatch, call: Call, lines: Lines
 ) -> None:
-    from console.commands.members.ls import ls
-    from federation.members.clock import FederationClock
+    from dyknow.console.commands.members.ls import ls
+    from dyknow.federation.members.clock import FederationClock
 
     world = Box(clock=FederationClock(EPOCH - 5_000_000, 10.0))
     world.fly("0", 0.0, 0.0)
@@ -877,7 +877,7 @@ def test_a_federation_with_a_faster_clock_is_understood(
 def test_hz_measures_the_rate_the_loss_and_the_latency_of_a_label(
     world: Box, call: Call, lines: Lines, capsys: pytest.CaptureFixture[str], monkeypatch: pytest.MonkeyPatch
 ) -> None:
-    from console.commands.members.hz import hz
+    from dyknow.console.commands.members.hz import hz
 
     assert hz(call, "heli-altitude", duration="3s") == DONE
     shown = lines()
@@ -893,7 +893,7 @@ def test_hz_measures_the_rate_the_loss_and_the_latency_of_a_label(
 
 
 def test_what_is_lost_is_a_share_of_what_was_due() -> None:
-    from console.commands.members.hz import _Arrival, _record
+    from dyknow.console.commands.members.hz import _Arrival, _record
 
     one = _record("0", "battery", 100_000, [_Arrival(at * 100_000, 2_000 + at) for at in (0, 1, 3, 4, 7)])
     assert (one["samples"], one["loss"], one["rate_hz"]) == (5, 0.375, 5.714)

@@ -4,11 +4,11 @@ from pathlib import Path
 
 import pytest
 
-from console.commands.members.delegate import typed_names
+from dyknow.console.commands.members.delegate import typed_names
 from tests.console.conftest import Run
 
 BEEP = '''
-from console.command import Call, command
+from dyknow.console.command import Call, command
 
 COMMANDS = {"beep": ("beep:beep", "Print a line.")}
 

@@ -23,11 +23,11 @@ from typing import Any, NamedTuple, get_args
 import lz4.frame
 import pytest
 
-from console.command import _common
-from console.main import COMMANDS, app
+from dyknow.console.command import _common
+from dyknow.console.main import COMMANDS, app
+from dyknow.federation.security.trust import Roster, RosterMember, Signer
 from dyknow.model.errors import SessionFailed
-from federation.security.trust import Roster, RosterMember, Signer
-from runtime.recordings.recording_file import SAMPLE, RecordingFile
+from dyknow.runtime.recordings.recording_file import SAMPLE, RecordingFile
 from tests.anchoring.belief.files.test_models import MODEL
 from tests.runtime.recordings.test_bombs import archives, channel, chunk, mcap, message, refuse_unpickling
 
@@ -227,9 +227,9 @@ def _run(words: list[str], folder: Path, told: Connection) -> None:
     def go_on(*_: Any, **__: Any) -> None:
         raise _WentOn
 
-    from console.commands.outward import web
-    from console.processes import supervision
-    from runtime import client
+    from dyknow.console.commands.outward import web
+    from dyknow.console.processes import supervision
+    from dyknow.runtime import client
 
     supervision.Fleet.__init__ = client.Client.__enter__ = go_on  # type: ignore[method-assign,assignment]
     web._serve = go_on  # type: ignore[assignment]

@@ -15,16 +15,16 @@ from typing import Any
 
 import pytest
 
-from agents.effects import Impaired
-from console.centre import client
-from console.main import COMMANDS, app
+from dyknow.agents.effects import Impaired
+from dyknow.console.centre import client
+from dyknow.console.main import COMMANDS, app
+from dyknow.federation import keys
+from dyknow.federation.messages import contents
+from dyknow.federation.messages.codec import decode_act, decode_samples, encode_act, encode_samples
+from dyknow.federation.messages.contents import ContentPart, read
+from dyknow.federation.messages.sexpr import Expr, QuotedText
+from dyknow.federation.transport import Put
 from dyknow.model.errors import ContentError
-from federation import keys
-from federation.messages import contents
-from federation.messages.codec import decode_act, decode_samples, encode_act, encode_samples
-from federation.messages.contents import ContentPart, read
-from federation.messages.sexpr import Expr, QuotedText
-from federation.transport import Put
 from tests.box import Box
 from tests.console.test_transcripts import TRANSCRIPTS, worlds
 

@@ -5,11 +5,11 @@ from typing import Any
 
 import pytest
 
-from agents.effects import Pressed
-from console.command import Call
-from console.errors import DONE, NO
-from console.output.output import Output
-from federation.messages.contents import MonitorProximity
+from dyknow.agents.effects import Pressed
+from dyknow.console.command import Call
+from dyknow.console.errors import DONE, NO
+from dyknow.console.output.output import Output
+from dyknow.federation.messages.contents import MonitorProximity
 from tests.box import Box
 
 Lines = Callable[[], list[dict[str, Any]]]
@@ -39,7 +39,7 @@ def monitored(world: Box) -> Box:
 def test_every_stream_is_listed_where_it_comes_in_with_what_became_of_its_samples(
     monitored: Box, call: Call, lines: Lines
 ) -> None:
-    from console.commands.members.imports import imports
+    from dyknow.console.commands.members.imports import imports
 
     assert imports(call, unit=None) == DONE
     shown = lines()
@@ -59,7 +59,7 @@ def test_every_stream_is_listed_where_it_comes_in_with_what_became_of_its_sample
 def test_the_table_says_what_is_sent_less_often_and_who_does_not_answer(
     monitored: Box, call: Call, capsys: pytest.CaptureFixture[str]
 ) -> None:
-    from console.commands.members.imports import imports
+    from dyknow.console.commands.members.imports import imports
 
     monitored.happens("1", Pressed(monitored.now_us, 0.9))
     monitored.run(2.0)
@@ -79,7 +79,7 @@ def test_the_table_says_what_is_sent_less_often_and_who_does_not_answer(
 def test_where_nothing_is_imported_the_way_to_it_is_shown(
     world: Box, call: Call, capsys: pytest.CaptureFixture[str]
 ) -> None:
-    from console.commands.members.imports import imports
+    from dyknow.console.commands.members.imports import imports
 
     assert imports(Call(call.settings, Output(json_lines=False)), unit=None) == NO
     assert "no platform imports a stream" in capsys.readouterr().err

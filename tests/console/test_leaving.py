@@ -2,10 +2,10 @@
 
 import pytest
 
-from console.command import Call
-from console.commands.members.delegate import delegate
-from console.commands.members.ls import ls
-from console.errors import DONE
+from dyknow.console.command import Call
+from dyknow.console.commands.members.delegate import delegate
+from dyknow.console.commands.members.ls import ls
+from dyknow.console.errors import DONE
 from dyknow.model.errors import FederationFailed, NothingFound, WrongCall
 from tests.box import Box
 from tests.console.conftest import Lines

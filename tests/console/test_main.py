@@ -5,8 +5,8 @@ from importlib import import_module
 
 import pytest
 
-from console.main import COMMANDS
 from dyknow import __version__ as version
+from dyknow.console.main import COMMANDS
 from tests.console.conftest import Run
 
 HEAVY = ("zenoh", "pymavlink", "numpy", "scipy", "filterpy", "pydantic", "cryptography")
@@ -20,7 +20,7 @@ WANTED = """
 
 def test_help_imports_nothing_heavy() -> None:
     code = (
-        "import sys\nsys.argv = ['dyknow', '--help']\nfrom console.main import main\n"
+        "import sys\nsys.argv = ['dyknow', '--help']\nfrom dyknow.console.main import main\n"
         "try:\n    main()\nexcept SystemExit:\n    pass\n"
         f"sys.stderr.write(','.join(m for m in {HEAVY!r} if m in sys.modules))"
     )
@@ -85,7 +85,7 @@ def test_json_is_one_object_a_line_and_nothing_else(dyknow: Run) -> None:
 
 def test_a_reader_that_has_seen_enough_ends_the_command_quietly() -> None:
     ended = subprocess.run(
-        f"{sys.executable} -c 'from console.main import main; main()' doctor --json | head -1",
+        f"{sys.executable} -c 'from dyknow.console.main import main; main()' doctor --json | head -1",
         shell=True, capture_output=True, text=True, timeout=30, check=False,
     )  # fmt: skip
     assert ended.stderr == ""
@@ -107,7 +107,7 @@ def test_the_shell_completes_commands_scenarios_tasks_and_faults(dyknow: Run, wo
 
 
 def test_the_names_in_the_help_are_those_there_are(dyknow: Run) -> None:
-    from sim_uavs.dynamics.scenarios import NAMES
+    from dyknow.sim_uavs.dynamics.scenarios import NAMES
 
     shown = " ".join(dyknow("up", "--help").stdout.replace("│", " ").split())
     assert all(name in shown for name in NAMES)

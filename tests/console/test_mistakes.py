@@ -15,9 +15,9 @@ from typing import Any
 
 import pytest
 
-from console.centre import client
-from console.commands.fleet import join, up
-from console.main import app
+from dyknow.console.centre import client
+from dyknow.console.commands.fleet import join, up
+from dyknow.console.main import app
 from tests.box import Box
 
 MISTAKES = json.loads(Path(__file__).with_name("mistakes.json").read_text(encoding="utf-8"))

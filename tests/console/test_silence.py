@@ -2,14 +2,14 @@
 
 import pytest
 
-from console.command import Call
-from console.commands.members.delegate import delegate, tasks
-from console.commands.members.ls import ls
-from console.commands.members.monitors import monitors
-from console.commands.members.watch import watch
-from console.errors import DONE, NO
+from dyknow.console.command import Call
+from dyknow.console.commands.members.delegate import delegate, tasks
+from dyknow.console.commands.members.ls import ls
+from dyknow.console.commands.members.monitors import monitors
+from dyknow.console.commands.members.watch import watch
+from dyknow.console.errors import DONE, NO
 from dyknow.model.errors import FederationFailed
-from navigation.vehicle import PositionReport
+from dyknow.navigation.vehicle import PositionReport
 from tests.box import Box
 from tests.console.conftest import Lines
 

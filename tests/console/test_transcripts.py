@@ -18,8 +18,8 @@ from typing import Any
 
 import pytest
 
-from console.centre import client
-from console.main import app
+from dyknow.console.centre import client
+from dyknow.console.main import app
 from tests.box import Box
 
 TRANSCRIPTS = Path(__file__).parent / "transcripts"

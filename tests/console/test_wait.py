@@ -5,8 +5,8 @@ from typing import Any
 import pytest
 from typer.main import get_command
 
-from console.command import Call
-from console.main import app
+from dyknow.console.command import Call
+from dyknow.console.main import app
 from dyknow.model.errors import WrongCall
 
 
@@ -30,7 +30,7 @@ def test_it_may_have_a_value(written: list[str], wait: str | None, pairs: list[s
 
 
 def test_arrival_belongs_to_goto(call: Call) -> None:
-    from console.commands.members.delegate import delegate
+    from dyknow.console.commands.members.delegate import delegate
 
     with pytest.raises(WrongCall, match="expected goto, got land"):
         delegate(call, "land", [], to="0", wait="arrival")

@@ -44,8 +44,8 @@ LEFT_OUT = {
 ADDRESSES = ("192.168.1.10", "192.168.1.11")
 VEHICLE = """
 import signal, sys
-from sim_uavs.autopilot.server import AutopilotServer
-from sim_uavs.dynamics.settings import HomePlace, VehicleConfig
+from dyknow.sim_uavs.autopilot.server import AutopilotServer
+from dyknow.sim_uavs.dynamics.settings import HomePlace, VehicleConfig
 for system in map(int, sys.argv[2:]):
     home = HomePlace(55.7240, 13.4600, 20.0)
     peers = (("127.0.0.1", int(sys.argv[1])),)

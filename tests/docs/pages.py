@@ -16,8 +16,18 @@ from collections.abc import Callable
 from pathlib import Path
 from typing import NamedTuple
 
-from compunits import cars, conversions, intersection, kalman, motion, near_pairs, pair_relations, relations, smoothing
 from dyknow import UnitPrototype, prototypes_in
+from dyknow.compunits import (
+    cars,
+    conversions,
+    intersection,
+    kalman,
+    motion,
+    near_pairs,
+    pair_relations,
+    relations,
+    smoothing,
+)
 from tests.command import run
 
 ROOT = Path(__file__).parent.parent.parent
@@ -25,9 +35,7 @@ DOCS = ROOT / "docs"
 PAGES = tuple(sorted(DOCS.glob("*.md")))
 _FENCE = re.compile(r"^```(\w+)([^\n`]*)\n(.*?)^```$", re.MULTILINE | re.DOTALL)
 _LIBRARY = re.compile(r"(?<=<!-- the library -->\n).*?(?=<!-- end of the library -->)", re.DOTALL)
-COMMAND = (
-    "import signal; signal.signal(signal.SIGINT, signal.default_int_handler); from console.main import main; main()"
-)
+COMMAND = "import signal; signal.signal(signal.SIGINT, signal.default_int_handler); from dyknow.console.main import main; main()"
 
 
 class Fence(NamedTuple):

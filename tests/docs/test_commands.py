@@ -9,7 +9,7 @@ from pathlib import Path
 import pytest
 from typer.main import get_command
 
-from console.main import app
+from dyknow.console.main import app
 from tests.docs.pages import DOCS, PAGES, ROOT, commands, fences
 
 NAMES = [*(page.name for page in PAGES), "../README.md"]

@@ -5,9 +5,9 @@ from pathlib import Path
 
 from pymavlink.dialects.v20 import ardupilotmega as mavlink
 
-from proxies.mavlink.endpoints import parse_endpoint
-from proxies.mavlink.frames import WANTED
-from runtime.configuration.settings import load
+from dyknow.proxies.mavlink.endpoints import parse_endpoint
+from dyknow.proxies.mavlink.frames import WANTED
+from dyknow.runtime.configuration.settings import load
 from tests.docs.pages import DOCS, fences
 
 PAGE = DOCS / "mavlink.md"

@@ -5,12 +5,12 @@ from pathlib import Path
 
 import pytest
 
-from console.commands.texts.specification_files import instance_of
 from dyknow import Network
+from dyknow.console.commands.texts.specification_files import instance_of
+from dyknow.kpl import Hooks, parse_chronicles, parse_specification
+from dyknow.kpl.syntax.grammar import parse_tree
 from dyknow.model.errors import SourceText
 from dyknow.policies.policy import _FORMS
-from kpl import Hooks, parse_chronicles, parse_specification
-from kpl.syntax.grammar import parse_tree
 from tests.docs.pages import DOCS, PAGES, ROOT, commands, fences, folder, library_table, output
 
 NAMES = [page.name for page in PAGES]
@@ -68,7 +68,7 @@ def test_every_constraint_and_every_statement_is_explained() -> None:
 
 
 def test_every_command_there_is_stands_in_the_readme() -> None:
-    from console.main import COMMANDS
+    from dyknow.console.main import COMMANDS
 
     text = (ROOT / "README.md").read_text(encoding="utf-8")
     names = [name for name, (where, _summary) in COMMANDS.items() if where]

@@ -5,11 +5,11 @@ import re
 from collections.abc import Iterator
 from typing import Any
 
-from agents.capabilities.capability import typed_requests
-from federation.sharing.ontology import default_ontology
-from reasoning import builtin_profiles
-from runtime.configuration.settings import OPTION_KEYS, VARIABLES, UnitFile
-from sim_uavs.dynamics.faults import KINDS
+from dyknow.agents.capabilities.capability import typed_requests
+from dyknow.federation.sharing.ontology import default_ontology
+from dyknow.reasoning import builtin_profiles
+from dyknow.runtime.configuration.settings import OPTION_KEYS, VARIABLES, UnitFile
+from dyknow.sim_uavs.dynamics.faults import KINDS
 from tests.docs.pages import DOCS, ROOT
 
 TEXT = (DOCS / "reference.md").read_text(encoding="utf-8")

@@ -8,7 +8,7 @@ from pathlib import Path
 import pytest
 from typer.main import get_command
 
-from console.main import app
+from dyknow.console.main import app
 from tests.docs.pages import DOCS, ROOT
 
 UNITS = sorted((ROOT / "compose" / "systemd").glob("*.service"))

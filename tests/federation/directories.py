@@ -3,16 +3,16 @@
 from collections.abc import Iterable, Sequence
 from itertools import count
 
-from federation import keys
-from federation.members.clock import FederationClock
-from federation.members.directory import DirectoryEvent, DirectoryFacilitator
-from federation.members.member import Member
-from federation.members.offers import Service, Visibility
-from federation.messages.acts import Act
-from federation.messages.descriptions import ConditionEntry, LabelEntry
-from federation.transport import Ask, Reopen, WireEffect, WireEvent
-from sim_uavs.world.sessions import SessionLink
-from sim_uavs.world.units import DriftingClock, WorldNode
+from dyknow.federation import keys
+from dyknow.federation.members.clock import FederationClock
+from dyknow.federation.members.directory import DirectoryEvent, DirectoryFacilitator
+from dyknow.federation.members.member import Member
+from dyknow.federation.members.offers import Service, Visibility
+from dyknow.federation.messages.acts import Act
+from dyknow.federation.messages.descriptions import ConditionEntry, LabelEntry
+from dyknow.federation.transport import Ask, Reopen, WireEffect, WireEvent
+from dyknow.sim_uavs.world.sessions import SessionLink
+from dyknow.sim_uavs.world.units import DriftingClock, WorldNode
 from tests.box import Box
 
 FEDERATION = Service("dyknow-federation", "federation", Visibility.PROTECTED)

@@ -1,6 +1,6 @@
 """Texts of contents, read back by the product's reader."""
 
-from federation.messages.sexpr import Expr, ExprReader, ExprValue
+from dyknow.federation.messages.sexpr import Expr, ExprReader, ExprValue
 
 
 def parse_value(text: str) -> ExprValue:

@@ -2,9 +2,9 @@
 
 from hypothesis import strategies as st
 
+from dyknow.federation.messages.acts import Act, AgentName, Performative
+from dyknow.federation.messages.sexpr import Expr, ExprValue, QuotedText
 from dyknow.model.values import NO_VALUE
-from federation.messages.acts import Act, AgentName, Performative
-from federation.messages.sexpr import Expr, ExprValue, QuotedText
 
 UNITS = st.sampled_from(["0", "1", "42", "uav1", "cc-4711", "a_b-c"])
 AGENTS = st.builds(AgentName, st.sampled_from(["interface", "federation", "alarms"]), UNITS)

@@ -4,7 +4,7 @@ from types import ModuleType
 
 import pytest
 
-from federation.messages import contents
+from dyknow.federation.messages import contents
 
 
 @pytest.mark.parametrize("package", [contents])

@@ -12,13 +12,13 @@ import msgpack
 import pytest
 from pymavlink.dialects.v20 import ardupilotmega as mavlink
 
+from dyknow.federation import keys
+from dyknow.federation.hosts import codec as hosts
+from dyknow.federation.messages import codec, receipts
+from dyknow.federation.messages.sexpr import MAX_TEXT, ExprReader
+from dyknow.federation.messages.unpacking import MAX_BYTES
 from dyknow.model.errors import ContentError, DecodeError, NameRefused, TextError
-from federation import keys
-from federation.hosts import codec as hosts
-from federation.messages import codec, receipts
-from federation.messages.sexpr import MAX_TEXT, ExprReader
-from federation.messages.unpacking import MAX_BYTES
-from proxies.mavlink.frames import Cutter, decoded
+from dyknow.proxies.mavlink.frames import Cutter, decoded
 from tests.federation.mutants import HOSTILE_NAMES, encode, mutate_bytes, mutate_tree
 from tests.federation.test_hostile import act_mutants, sample_tree
 

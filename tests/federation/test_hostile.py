@@ -9,9 +9,9 @@ from typing import Any
 import psutil
 import pytest
 
+from dyknow.federation import keys
+from dyknow.federation.messages import codec, contents, unpacking
 from dyknow.model.errors import ContentError, DecodeError
-from federation import keys
-from federation.messages import codec, contents, unpacking
 from tests.federation import schema
 from tests.federation.mutants import HOSTILE_NAMES, NASTY, encode, mutate_bytes, mutate_tree
 

@@ -5,8 +5,8 @@ import pytest
 from hypothesis import given
 from hypothesis import strategies as st
 
+from dyknow.federation import keys
 from dyknow.model.errors import NameRefused
-from federation import keys
 from tests.federation import schema
 
 UNITS = st.one_of(

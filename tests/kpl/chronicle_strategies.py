@@ -2,8 +2,8 @@
 
 from hypothesis import strategies as st
 
-from reasoning.chronicles.definition.domains import Combination, Complement, NamedDomain, Symbols
-from reasoning.chronicles.definition.model import (
+from dyknow.reasoning.chronicles.definition.domains import Combination, Complement, NamedDomain, Symbols
+from dyknow.reasoning.chronicles.definition.model import (
     Attribute,
     Choice,
     Chronicle,
@@ -28,7 +28,7 @@ from reasoning.chronicles.definition.model import (
     Use,
     Variables,
 )
-from reasoning.chronicles.definition.times import (
+from dyknow.reasoning.chronicles.definition.times import (
     ZERO,
     ComplexConstraint,
     ConstraintUse,

@@ -3,13 +3,13 @@
 from types import MappingProxyType
 
 from dyknow import Label, Network, Sort, SourcePrototype, UnitPrototype, of_values
+from dyknow.kpl import parse_specification
+from dyknow.kpl.running.instance import Instance
+from dyknow.kpl.running.ports import Hooks
 from dyknow.model.errors import SourceText
 from dyknow.model.sample import Sample
 from dyknow.model.values import NO_VALUE, Field
 from dyknow.network.computational_unit import latest_valid_us
-from kpl import parse_specification
-from kpl.running.instance import Instance
-from kpl.running.ports import Hooks
 from tests.dyknow.networks import pass_time, state_of
 
 POS = Sort("pos", (Field("north_m", "m"), Field("altitude_m", "m")))

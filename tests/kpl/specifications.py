@@ -4,12 +4,10 @@ from dataclasses import fields, is_dataclass, replace
 
 from hypothesis import strategies as st
 
-from dyknow.model.labels import Label
-from dyknow.policies.policy import Policy
-from kpl.checking.specifications import check_symbols
-from kpl.checking.symbols import SymbolTable
-from kpl.syntax.link_options import LinkOptions
-from kpl.syntax.specification import (
+from dyknow.kpl.checking.specifications import check_symbols
+from dyknow.kpl.checking.symbols import SymbolTable
+from dyknow.kpl.syntax.link_options import LinkOptions
+from dyknow.kpl.syntax.specification import (
     ChronicleDeclaration,
     Composite,
     Define,
@@ -30,7 +28,9 @@ from kpl.syntax.specification import (
     UnitDeclaration,
     WantDeclaration,
 )
-from reasoning.formulas.tree import Domain, Feature, Variable
+from dyknow.model.labels import Label
+from dyknow.policies.policy import Policy
+from dyknow.reasoning.formulas.tree import Domain, Feature, Variable
 from tests.kpl.strategies import formulas, names, numbered
 
 TYPED_ONLY = ["link", "composite", "state", "select", "merge"]

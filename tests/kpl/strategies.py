@@ -7,7 +7,7 @@ from functools import cache
 
 from hypothesis import strategies as st
 
-from reasoning.formulas.tree import (
+from dyknow.reasoning.formulas.tree import (
     Abs,
     Always,
     And,

@@ -4,11 +4,11 @@ import pytest
 from hypothesis import given
 from hypothesis import strategies as st
 
-from agents.config import PlatformConfig
-from compunits import catalogue
+from dyknow.agents.config import PlatformConfig
+from dyknow.compunits import catalogue
+from dyknow.kpl import parse_specification, print_specification
 from dyknow.model.errors import TextErrors
-from kpl import parse_specification, print_specification
-from sim_uavs.world.world import World
+from dyknow.sim_uavs.world.world import World
 from tests.agents.specification.test_specification_part import EXAMPLES, Pair, text_of
 from tests.kpl.instances import Running
 

@@ -3,9 +3,9 @@
 import pytest
 
 from dyknow import NO_VALUE
+from dyknow.kpl import parse_specification, print_specification
 from dyknow.model.errors import SortError, TextErrors
 from dyknow.model.members import MAX_MEMBERS, tuples_of
-from kpl import parse_specification, print_specification
 from tests.kpl.instances import Running
 
 NUMBERS = """

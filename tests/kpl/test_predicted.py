@@ -3,10 +3,10 @@
 import pytest
 
 from dyknow import Sample
+from dyknow.kpl import parse_specification, print_specification
+from dyknow.kpl.introspection.records import alarm_record, sample_json
 from dyknow.model.errors import TextErrors
 from dyknow.model.sample import Predicted
-from kpl import parse_specification, print_specification
-from kpl.introspection.records import alarm_record, sample_json
 from tests.kpl.instances import Running
 
 S = 1_000_000

@@ -7,10 +7,10 @@ from hypothesis import given, settings
 from hypothesis import strategies as st
 
 from dyknow import NO_VALUE, Sample
+from dyknow.kpl import parse_specification, print_specification
+from dyknow.kpl.introspection.drawings import as_text
+from dyknow.kpl.introspection.graph import graph_of, maker_of
 from dyknow.model.errors import TextErrors
-from kpl import parse_specification, print_specification
-from kpl.introspection.drawings import as_text
-from kpl.introspection.graph import graph_of, maker_of
 from tests.kpl.instances import Running
 
 MS = 1000

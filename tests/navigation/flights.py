@@ -2,8 +2,8 @@
 
 import random
 
-from navigation.geodesy import LocalFrame
-from navigation.vehicle import PositionReport, Report, VelocityReport
+from dyknow.navigation.geodesy import LocalFrame
+from dyknow.navigation.vehicle import PositionReport, Report, VelocityReport
 
 START_US = 1_700_000_000_000_000
 HOME = LocalFrame(47.0, 8.0, 500.0)

@@ -3,8 +3,8 @@
 from collections.abc import Iterable
 
 from dyknow.model.sample import Sample
-from navigation.fusion import PositionFilter
-from navigation.vehicle import Report
+from dyknow.navigation.fusion import PositionFilter
+from dyknow.navigation.vehicle import Report
 
 
 def run_filter(

@@ -6,8 +6,8 @@ from hypothesis import assume, given
 from hypothesis import strategies as st
 
 from dyknow.model.errors import Refused
-from navigation.areas import Area, Corner, Piece
-from navigation.geodesy import metres_per_degree
+from dyknow.navigation.areas import Area, Corner, Piece
+from dyknow.navigation.geodesy import metres_per_degree
 
 MIDDLE = (58.4, 15.5)
 

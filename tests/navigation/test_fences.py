@@ -7,8 +7,8 @@ from hypothesis import assume, given
 from hypothesis import strategies as st
 from shapely.geometry import LineString, Point, Polygon
 
-from navigation.fences import FenceArea, FenceKind, LevelPlace, clearance_m, fence_refusal
-from navigation.geodesy import metres_per_degree
+from dyknow.navigation.fences import FenceArea, FenceKind, LevelPlace, clearance_m, fence_refusal
+from dyknow.navigation.geodesy import metres_per_degree
 
 HOME = (55.72, 13.46)
 NORTH_M, EAST_M = metres_per_degree(HOME[0])

@@ -9,10 +9,10 @@ from filterpy.kalman import KalmanFilter
 from hypothesis import given, settings
 from hypothesis import strategies as st
 
-from navigation import faults
-from navigation.fusion import Accuracy, PositionFilter
-from navigation.motion import Measurement, Motion, MotionState
-from navigation.vehicle import FixReport, PositionReport, VelocityReport
+from dyknow.navigation import faults
+from dyknow.navigation.fusion import Accuracy, PositionFilter
+from dyknow.navigation.motion import Measurement, Motion, MotionState
+from dyknow.navigation.vehicle import FixReport, PositionReport, VelocityReport
 from tests.navigation.flights import HOME, START_US, position_at, straight, wandering
 from tests.navigation.offline import run_filter
 
@@ -419,7 +419,7 @@ def test_an_impossible_period_is_refused() -> None:
 
 
 def test_measured_acceleration_carries_the_estimate_through_a_turn() -> None:
-    from navigation.vehicle import AccelerationReport, AttitudeReport
+    from dyknow.navigation.vehicle import AccelerationReport, AttitudeReport
 
     def north_error(*, inertial: bool) -> float:
         reports, truth = [], {}

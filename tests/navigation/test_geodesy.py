@@ -6,7 +6,7 @@ import pytest
 from hypothesis import given
 from hypothesis import strategies as st
 
-from navigation.geodesy import LocalFrame, distance_m, from_ecef, to_ecef
+from dyknow.navigation.geodesy import LocalFrame, distance_m, from_ecef, to_ecef
 
 A, B = 6_378_137.0, 6_356_752.314245
 LATITUDES = st.floats(-89.9, 89.9)

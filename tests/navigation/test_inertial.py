@@ -4,8 +4,8 @@ import pytest
 from hypothesis import given
 from hypothesis import strategies as st
 
-from navigation.inertial import GRAVITY_M_S2, InertialInput, turned
-from navigation.vehicle import AccelerationReport, AttitudeReport
+from dyknow.navigation.inertial import GRAVITY_M_S2, InertialInput, turned
+from dyknow.navigation.vehicle import AccelerationReport, AttitudeReport
 
 ANGLES = st.floats(-math.pi, math.pi)
 

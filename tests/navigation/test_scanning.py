@@ -4,7 +4,7 @@ import numpy as np
 from hypothesis import given
 from hypothesis import strategies as st
 
-from navigation.scanning import SEEN_US, ScanGrid, lawn_mower, within
+from dyknow.navigation.scanning import SEEN_US, ScanGrid, lawn_mower, within
 
 FIELD = np.array([(-145.0, 20.0), (145.0, 20.0), (145.0, 205.0), (-145.0, 205.0)])
 

@@ -9,14 +9,14 @@ from random import Random
 import pytest
 
 from dyknow.model.sample import Sample
-from navigation.fusion import Estimate
-from navigation.stated_motion import StatedMotion, Unflown
-from navigation.vehicle import Command, GoToOrder, Report
-from proxies.recordings.formats import open_recording
-from proxies.recordings.replay import schedule
-from sim_uavs.dynamics.faults import parse_fault
-from sim_uavs.dynamics.settings import HomePlace, VehicleConfig
-from sim_uavs.dynamics.vehicles import SimulatedVehicle
+from dyknow.navigation.fusion import Estimate
+from dyknow.navigation.stated_motion import StatedMotion, Unflown
+from dyknow.navigation.vehicle import Command, GoToOrder, Report
+from dyknow.proxies.recordings.formats import open_recording
+from dyknow.proxies.recordings.replay import schedule
+from dyknow.sim_uavs.dynamics.faults import parse_fault
+from dyknow.sim_uavs.dynamics.settings import HomePlace, VehicleConfig
+from dyknow.sim_uavs.dynamics.vehicles import SimulatedVehicle
 from tests.navigation.offline import run_filter
 
 START_US, S = 1_700_000_000_000_000, 1_000_000

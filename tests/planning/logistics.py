@@ -5,7 +5,7 @@ from importlib.util import module_from_spec, spec_from_file_location
 from pathlib import Path
 from typing import Any
 
-from planning import Declarations, PlanFound, find_plan, parse_domain, parse_problem
+from dyknow.planning import Declarations, PlanFound, find_plan, parse_domain, parse_problem
 
 FOLDER = Path(__file__).parents[2] / "examples/logistics"
 

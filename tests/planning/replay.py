@@ -1,6 +1,6 @@
 """Plans replayed by themselves: what the operators of a domain say of the actions of a plan, state by state.
 
-Nothing of `planning.search` is used, only the declarations as they are read: expressions are evaluated by recursion over
+Nothing of `dyknow.planning.search` is used, only the declarations as they are read: expressions are evaluated by recursion over
 a state that is a mapping of (feature, arguments), formulas over the list of all states.
 """
 
@@ -11,9 +11,9 @@ from itertools import product
 from math import hypot, inf
 from typing import Any
 
-from planning.domains import model
-from planning.domains.model import Application, Declarations, Quantified
-from reasoning.formulas import tree
+from dyknow.planning.domains import model
+from dyknow.planning.domains.model import Application, Declarations, Quantified
+from dyknow.reasoning.formulas import tree
 
 FUNCTIONS = {"abs": abs, "hypot": hypot, "min": min, "max": max}
 COMPARE = {

@@ -7,10 +7,10 @@ from typing import Any
 from hypothesis import example, given
 from hypothesis import strategies as st
 
-from planning import NoPlan, find_plan, parse_domain, parse_problem
-from planning.domains.model import Application, Next
-from planning.domains.printing import print_expression
-from reasoning.formulas import tree
+from dyknow.planning import NoPlan, find_plan, parse_domain, parse_problem
+from dyknow.planning.domains.model import Application, Next
+from dyknow.planning.domains.printing import print_expression
+from dyknow.reasoning.formulas import tree
 from tests.planning.flights import MAP, TRUCKS
 from tests.planning.replay import Replay
 

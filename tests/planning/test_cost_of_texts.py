@@ -8,9 +8,9 @@ from random import Random
 
 import pytest
 
+from dyknow.kpl import parse_chronicles, parse_formula, parse_specification
 from dyknow.model.errors import TextError
-from kpl import parse_chronicles, parse_formula, parse_specification
-from planning.domains.texts import parse_domain
+from dyknow.planning.domains.texts import parse_domain
 
 MUTANTS = 200_000 if os.environ.get("DYKNOW_FULL") else 400
 MOST_S = 1.0 if os.environ.get("DYKNOW_FULL") else 5.0

@@ -6,7 +6,7 @@ from time import perf_counter
 
 import pytest
 
-from planning import Declarations, NoPlan, PlanFound, Strategy, find_plan, parse_domain, parse_problem
+from dyknow.planning import Declarations, NoPlan, PlanFound, Strategy, find_plan, parse_domain, parse_problem
 from tests.planning.flights import MAP, TRUCKS
 from tests.planning.logistics import domain, found, problem
 from tests.planning.replay import Replay, replayed

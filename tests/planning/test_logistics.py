@@ -5,8 +5,8 @@ from itertools import pairwise
 
 import pytest
 
-from planning import Declarations, NoPlan, PlanFound, find_plan, parse_domain, parse_problem
-from planning.domains.model import Application
+from dyknow.planning import Declarations, NoPlan, PlanFound, find_plan, parse_domain, parse_problem
+from dyknow.planning.domains.model import Application
 from tests.planning.logistics import FOLDER, domain, found, problem, problem_text, text
 from tests.planning.replay import Replay, replayed
 

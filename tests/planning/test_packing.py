@@ -9,9 +9,9 @@ from typing import Any
 
 import pytest
 
-from planning.domains.model import Declarations
-from planning.domains.packing import packed, unpacked
-from planning.domains.texts import parse_domain
+from dyknow.planning.domains.model import Declarations
+from dyknow.planning.domains.packing import packed, unpacked
+from dyknow.planning.domains.texts import parse_domain
 from tests.federation.mutants import HOSTILE_NAMES
 
 MUTANTS = 100_000 if os.environ.get("DYKNOW_FULL") else 300

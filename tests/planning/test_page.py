@@ -3,7 +3,7 @@
 import re
 from pathlib import Path
 
-from planning import parse_domain, parse_problem
+from dyknow.planning import parse_domain, parse_problem
 from tests.docs.pages import DOCS, ROOT, commands, fences, folder, output
 
 PAGE = DOCS / "planning.md"

@@ -3,7 +3,7 @@
 import pytest
 
 from dyknow.model.errors import TextErrors
-from planning import parse_domain, print_declarations
+from dyknow.planning import parse_domain, print_declarations
 from tests.planning.execution.crane import DOMAIN
 from tests.planning.logistics import domain as logistics
 

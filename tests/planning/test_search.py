@@ -8,7 +8,7 @@ from hypothesis import given
 from hypothesis import strategies as st
 
 from dyknow.model.errors import TextError
-from planning import Declarations, NoPlan, Strategy, find_plan, parse_domain, parse_problem
+from dyknow.planning import Declarations, NoPlan, Strategy, find_plan, parse_domain, parse_problem
 from tests.planning.flights import MAP, TRUCKS
 from tests.planning.logistics import found
 from tests.planning.replay import replayed

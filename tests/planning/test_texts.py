@@ -7,13 +7,13 @@ from hypothesis import given
 from hypothesis import strategies as st
 
 from dyknow.model.errors import DyknowError, TextError, TextErrors
-from planning import Declarations, parse_domain, parse_problem, print_declarations
-from planning.domains import model
-from planning.domains.model import Application, Next, Parameter, Quantified
-from planning.domains.printing import print_expression
-from planning.domains.sorts import free_variables
-from planning.domains.texts import parse_expression
-from reasoning.formulas import tree
+from dyknow.planning import Declarations, parse_domain, parse_problem, print_declarations
+from dyknow.planning.domains import model
+from dyknow.planning.domains.model import Application, Next, Parameter, Quantified
+from dyknow.planning.domains.printing import print_expression
+from dyknow.planning.domains.sorts import free_variables
+from dyknow.planning.domains.texts import parse_expression
+from dyknow.reasoning.formulas import tree
 from tests.planning.logistics import domain, problem_text
 
 THESIS_OPERATOR = """

@@ -11,7 +11,7 @@ from math import isnan
 from typing import Any, NamedTuple
 
 from dyknow.model.values import NO_VALUE
-from reasoning.formulas.tree import (
+from dyknow.reasoning.formulas.tree import (
     Abs,
     Always,
     And,

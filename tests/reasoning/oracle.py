@@ -2,7 +2,7 @@
 
 from dataclasses import replace
 
-from reasoning.formulas.tree import (
+from dyknow.reasoning.formulas.tree import (
     Always,
     And,
     Compare,

@@ -15,8 +15,8 @@ from typing import Final, Literal, TypeAlias
 
 from dyknow.model.errors import TextError
 from dyknow.model.sample import Value
-from reasoning.formulas.evaluation import TRUTHS, EvaluationCompiler, Moment, NoValuePolicy, Test
-from reasoning.formulas.tree import (
+from dyknow.reasoning.formulas.evaluation import TRUTHS, EvaluationCompiler, Moment, NoValuePolicy, Test
+from dyknow.reasoning.formulas.tree import (
     LIMIT_TEMPORAL,
     Always,
     And,
@@ -38,7 +38,7 @@ from reasoning.formulas.tree import (
     required_labels,
     too_deep,
 )
-from reasoning.progression.changes import Changes, lacking
+from dyknow.reasoning.progression.changes import Changes, lacking
 from tests.reasoning.residuals import (
     Operator,
     Residual,
@@ -321,7 +321,7 @@ class _Builder:
 
 
 class Restarted:
-    """A formula that is started anew at every state, as `reasoning.progression.restarting` has it."""
+    """A formula that is started anew at every state, as `dyknow.reasoning.progression.restarting` has it."""
 
     def __init__(self, formula: Formula, period_us: int | None) -> None:
         self.start = compile_operator(formula, {}, period_us).start

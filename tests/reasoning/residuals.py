@@ -9,7 +9,7 @@ from collections.abc import Iterable
 from dataclasses import dataclass
 from typing import Protocol, TypeAlias
 
-from reasoning.formulas.evaluation import Moment, Truth
+from dyknow.reasoning.formulas.evaluation import Moment, Truth
 
 
 class Pending(Protocol):

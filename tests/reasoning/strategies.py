@@ -2,7 +2,7 @@
 
 from hypothesis import strategies as st
 
-from reasoning.formulas.tree import (
+from dyknow.reasoning.formulas.tree import (
     Always,
     And,
     Compare,

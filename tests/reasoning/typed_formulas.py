@@ -6,8 +6,8 @@ period, with some left out, or at any times; values are missing, NaN or of anoth
 
 from hypothesis import strategies as st
 
-from kpl import FeatureType, Vocabulary
-from reasoning.formulas.tree import Duration
+from dyknow.kpl import FeatureType, Vocabulary
+from dyknow.reasoning.formulas.tree import Duration
 from tests.reasoning.meaning import State
 
 MS = 1_000

@@ -2,7 +2,7 @@
 
 from functools import partial
 
-from reasoning import make_progression
+from dyknow.reasoning import make_progression
 from tests.reasoning.plain import Progression
 
 

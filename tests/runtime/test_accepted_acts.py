@@ -5,10 +5,10 @@ from pathlib import Path
 
 import pytest
 
+from dyknow.federation.security.trust import Roster, Verifier
 from dyknow.model.errors import RosterError
-from federation.security.trust import Roster, Verifier
-from runtime import accepted_acts
-from runtime.accepted_acts import AHEAD_US, AcceptedActs, accepted_path, read_accepted
+from dyknow.runtime import accepted_acts
+from dyknow.runtime.accepted_acts import AHEAD_US, AcceptedActs, accepted_path, read_accepted
 
 
 def accepting(verifier: Verifier, unit: str, created_us: int) -> None:

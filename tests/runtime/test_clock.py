@@ -2,7 +2,7 @@ import time
 
 import pytest
 
-from runtime.clock import NodeClock
+from dyknow.runtime.clock import NodeClock
 
 
 def test_the_node_clock_is_utc_and_does_not_go_back() -> None:

@@ -2,7 +2,7 @@ from dataclasses import dataclass, field
 from pathlib import Path
 from queue import Empty
 
-from runtime.loop import BATCH, Pressure, step
+from dyknow.runtime.loop import BATCH, Pressure, step
 from tests.fakes import FakeClock
 
 

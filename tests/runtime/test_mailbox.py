@@ -7,8 +7,8 @@ import pytest
 from hypothesis import given
 from hypothesis import strategies as st
 
-from agents.effects import HostCame, HostEvent, HostLeft, HostMessage, Reported
-from federation.transport import (
+from dyknow.agents.effects import HostCame, HostEvent, HostLeft, HostMessage, Reported
+from dyknow.federation.transport import (
     Answered,
     Arrived,
     Asked,
@@ -17,9 +17,9 @@ from federation.transport import (
     HandlerFailed,
     TokenChanged,
 )
-from navigation.vehicle import BatteryReport, PositionReport
-from runtime import mailbox
-from runtime.mailbox import Mailbox
+from dyknow.navigation.vehicle import BatteryReport, PositionReport
+from dyknow.runtime import mailbox
+from dyknow.runtime.mailbox import Mailbox
 
 STREAM, BEAT = "x/0/heli-position/0123abcd", "hb/0"
 

@@ -10,11 +10,11 @@ from typing import Any, cast
 
 import pytest
 
+from dyknow.federation.messages.codec import decode_samples, encode_samples
+from dyknow.federation.transport import Put, Urgency
 from dyknow.model.errors import EndpointFailed, UnitError
-from federation.messages.codec import decode_samples, encode_samples
-from federation.transport import Put, Urgency
-from runtime.mailbox import Mailbox
-from runtime.metrics import STANDS_US, PlatformMetrics
+from dyknow.runtime.mailbox import Mailbox
+from dyknow.runtime.metrics import STANDS_US, PlatformMetrics
 from tests.box import Box
 from tests.console.commands.recordings.encounter import encounter
 

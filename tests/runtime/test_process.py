@@ -8,10 +8,10 @@ from typing import Any
 import pytest
 
 from dyknow.model.errors import RosterError
-from runtime.configuration.config import NodeConfig, TrustConfig, WireConfig
-from runtime.configuration.session import reaches_beyond, unprotected
-from runtime.process import PlatformProcess
-from runtime.vehicles import Vehicle
+from dyknow.runtime.configuration.config import NodeConfig, TrustConfig, WireConfig
+from dyknow.runtime.configuration.session import reaches_beyond, unprotected
+from dyknow.runtime.process import PlatformProcess
+from dyknow.runtime.vehicles import Vehicle
 
 
 @pytest.mark.parametrize(
@@ -33,7 +33,7 @@ def test_what_lies_beyond_loopback_is_named(wire: WireConfig, beyond: str) -> No
 
 
 def test_a_platform_starts_without_scipy() -> None:
-    code = "import sys, runtime.node, runtime.hosts, sim_uavs; sys.exit('scipy' in sys.modules)"
+    code = "import sys, dyknow.runtime.node, dyknow.runtime.hosts, dyknow.sim_uavs; sys.exit('scipy' in sys.modules)"
     subprocess.run([sys.executable, "-c", code], check=True, timeout=60)
 
 

@@ -8,8 +8,8 @@ from typing import Any
 
 import pytest
 
-from runtime import records
-from runtime.records import AGAIN_US, LEVELS, NOTES, NoteLimit, Records, is_at_least, level_of
+from dyknow.runtime import records
+from dyknow.runtime.records import AGAIN_US, LEVELS, NOTES, NoteLimit, Records, is_at_least, level_of
 
 
 def written(path: Path) -> list[dict[str, Any]]:

@@ -10,9 +10,9 @@ from queue import Empty, SimpleQueue
 
 import pytest
 
-from agents.capabilities.missions.mission_texts import read_mission, texts_in
-from agents.effects import EndSearch, RunSearch, SearchNews, SearchOver
-from runtime.searches.workers import MOST, SearchWorkers
+from dyknow.agents.capabilities.missions.mission_texts import read_mission, texts_in
+from dyknow.agents.effects import EndSearch, RunSearch, SearchNews, SearchOver
+from dyknow.runtime.searches.workers import MOST, SearchWorkers
 
 EXAMPLES = Path(__file__).parents[2] / "examples" / "missions"
 DOMAIN, PROBLEM = ((EXAMPLES / name).read_text("utf-8") for name in ("survey.dom", "one.prob"))

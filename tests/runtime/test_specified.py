@@ -4,12 +4,12 @@ import queue
 from collections.abc import Callable
 from pathlib import Path
 
-from agents.config import PlatformConfig
-from agents.effects import FedTogether, Specify
-from compunits import catalogue
-from proxies.recordings.journal_file import decode_event, encode_event
-from runtime.specified import Specified
-from sim_uavs.world.world import World
+from dyknow.agents.config import PlatformConfig
+from dyknow.agents.effects import FedTogether, Specify
+from dyknow.compunits import catalogue
+from dyknow.proxies.recordings.journal_file import decode_event, encode_event
+from dyknow.runtime.specified import Specified
+from dyknow.sim_uavs.world.world import World
 
 S = 1_000_000
 SPEC = """\

@@ -8,10 +8,10 @@ from collections.abc import Iterable, Sequence
 from math import cos, hypot, radians, sin, sqrt
 from typing import Any, NamedTuple
 
-from agents.monitoring.alarm_log import AlarmLog
 from dyknow import NO_VALUE, Sample
-from sim_uavs.dynamics.vehicles import TrueState
-from sim_uavs.world.world import World
+from dyknow.agents.monitoring.alarm_log import AlarmLog
+from dyknow.sim_uavs.dynamics.vehicles import TrueState
+from dyknow.sim_uavs.world.world import World
 from tests.sim_uavs.worlds import Watched
 
 PERIOD_US = 100_000

@@ -2,11 +2,11 @@
 
 from typing import Any
 
-from agents.capabilities.flight.pilot import Pilot
 from dyknow import Sample
-from navigation.vehicle import Command, GoToOrder, PositionReport, Report, VelocityReport
-from sim_uavs.dynamics.faults import parse_fault
-from sim_uavs.dynamics.settings import HomePlace, PersonaName, VehicleConfig
+from dyknow.agents.capabilities.flight.pilot import Pilot
+from dyknow.navigation.vehicle import Command, GoToOrder, PositionReport, Report, VelocityReport
+from dyknow.sim_uavs.dynamics.faults import parse_fault
+from dyknow.sim_uavs.dynamics.settings import HomePlace, PersonaName, VehicleConfig
 from tests.sim_uavs.wired import WiredVehicle
 
 START_US = 1_700_000_000_000_000

@@ -2,9 +2,9 @@
 
 from pymavlink.dialects.v20 import all as mavlink
 
-from sim_uavs.autopilot.autopilot import Autopilot
-from sim_uavs.dynamics.faults import parse_fault
-from sim_uavs.dynamics.settings import HomePlace, VehicleConfig
+from dyknow.sim_uavs.autopilot.autopilot import Autopilot
+from dyknow.sim_uavs.dynamics.faults import parse_fault
+from dyknow.sim_uavs.dynamics.settings import HomePlace, VehicleConfig
 from tests.sim_uavs.truth import true_motion
 
 START_US = 1_700_000_000_000_000

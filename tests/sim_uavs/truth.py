@@ -2,10 +2,10 @@
 
 from typing import NamedTuple
 
-from sim_uavs.autopilot.autopilot import Autopilot
-from sim_uavs.autopilot.server import AutopilotServer
-from sim_uavs.dynamics.flight import Mode
-from sim_uavs.dynamics.settings import HomePlace
+from dyknow.sim_uavs.autopilot.autopilot import Autopilot
+from dyknow.sim_uavs.autopilot.server import AutopilotServer
+from dyknow.sim_uavs.dynamics.flight import Mode
+from dyknow.sim_uavs.dynamics.settings import HomePlace
 
 
 class TrueMotion(NamedTuple):

@@ -1,7 +1,7 @@
 """A simulated autopilot and the edge of a platform that commands it, joined by the bytes that they exchange.
 
-What `proxies.mavlink.feed` does with a socket and a thread, without either: the vehicle of the simulated world whose
-orders fare as those of a persona do. Its reports are stamped by their receiver. No clock of its own.
+What `dyknow.proxies.mavlink.feed` does with a socket and a thread, without either: the vehicle of the simulated world
+whose orders fare as those of a persona do. Its reports are stamped by their receiver. No clock of its own.
 """
 
 from dataclasses import replace
@@ -9,19 +9,19 @@ from typing import Any, NamedTuple
 
 from pymavlink.dialects.v20 import ardupilotmega as mavlink
 
-from navigation.vehicle import Command, HoldOrder, HomeReport, Order, Report
-from proxies.mavlink.frames import Cutter
-from proxies.mavlink.lists.vehicle_lists import VehicleLists
-from proxies.mavlink.orders import Errands, OrderOutcome
-from proxies.mavlink.reports import VehicleReports
-from proxies.mavlink.requests import Requests
-from proxies.mavlink.ways import OURSELVES, Target
-from sim_uavs.autopilot.autopilot import Autopilot, Sent
-from sim_uavs.autopilot.personas import PERSONAS
-from sim_uavs.dynamics.faults import SimulatedFault
-from sim_uavs.dynamics.flight import Flight, Mode
-from sim_uavs.dynamics.settings import VehicleConfig
-from sim_uavs.dynamics.vehicles import TrueState
+from dyknow.navigation.vehicle import Command, HoldOrder, HomeReport, Order, Report
+from dyknow.proxies.mavlink.frames import Cutter
+from dyknow.proxies.mavlink.lists.vehicle_lists import VehicleLists
+from dyknow.proxies.mavlink.orders import Errands, OrderOutcome
+from dyknow.proxies.mavlink.reports import VehicleReports
+from dyknow.proxies.mavlink.requests import Requests
+from dyknow.proxies.mavlink.ways import OURSELVES, Target
+from dyknow.sim_uavs.autopilot.autopilot import Autopilot, Sent
+from dyknow.sim_uavs.autopilot.personas import PERSONAS
+from dyknow.sim_uavs.dynamics.faults import SimulatedFault
+from dyknow.sim_uavs.dynamics.flight import Flight, Mode
+from dyknow.sim_uavs.dynamics.settings import VehicleConfig
+from dyknow.sim_uavs.dynamics.vehicles import TrueState
 
 POLL_US = 50_000
 _ASK_AGAIN_US = 2_000_000

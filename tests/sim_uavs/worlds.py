@@ -5,24 +5,24 @@ from dataclasses import dataclass, field
 from random import Random
 from typing import Any
 
-from agents.capabilities.flight.options import AvoidanceOptions
-from agents.config import PlatformConfig
-from agents.monitoring.alarm_log import AlarmLog
-from agents.options import Chosen
-from agents.places import FlightPlan
-from agents.platform import Platform
-from federation.messages.contents import Alarm
-from federation.messages.dialogue import Dialogue
-from navigation.geodesy import LocalFrame
-from sim_uavs.dynamics.flight_plans import plan_of
-from sim_uavs.dynamics.quadcopter import Vector
-from sim_uavs.dynamics.routes import through
-from sim_uavs.dynamics.scenarios import ORIGIN, scenario
-from sim_uavs.dynamics.settings import HomePlace, VehicleConfig
-from sim_uavs.dynamics.vehicles import SimulatedVehicle
-from sim_uavs.world.units import WorldNode
-from sim_uavs.world.wire import Wire
-from sim_uavs.world.world import World
+from dyknow.agents.capabilities.flight.options import AvoidanceOptions
+from dyknow.agents.config import PlatformConfig
+from dyknow.agents.monitoring.alarm_log import AlarmLog
+from dyknow.agents.options import Chosen
+from dyknow.agents.places import FlightPlan
+from dyknow.agents.platform import Platform
+from dyknow.federation.messages.contents import Alarm
+from dyknow.federation.messages.dialogue import Dialogue
+from dyknow.navigation.geodesy import LocalFrame
+from dyknow.sim_uavs.dynamics.flight_plans import plan_of
+from dyknow.sim_uavs.dynamics.quadcopter import Vector
+from dyknow.sim_uavs.dynamics.routes import through
+from dyknow.sim_uavs.dynamics.scenarios import ORIGIN, scenario
+from dyknow.sim_uavs.dynamics.settings import HomePlace, VehicleConfig
+from dyknow.sim_uavs.dynamics.vehicles import SimulatedVehicle
+from dyknow.sim_uavs.world.units import WorldNode
+from dyknow.sim_uavs.world.wire import Wire
+from dyknow.sim_uavs.world.world import World
 
 FRAME = LocalFrame(*ORIGIN)
 PLAN_US = 5_000_000

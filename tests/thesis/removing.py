@@ -53,7 +53,8 @@ class _Loader(SourceFileLoader):
 
 class _Finder(MetaPathFinder):
     def __init__(self, one: Removed) -> None:
-        self._one, self._name = one, one.module.removesuffix(".py").replace("/", ".")
+        self._one = one
+        self._name = f"dyknow.{one.module.removesuffix('.py').replace('/', '.').removeprefix('dyknow.')}"
 
     def find_spec(self, fullname: str, _path: Any, _target: Any = None) -> ModuleSpec | None:
         if fullname != self._name:

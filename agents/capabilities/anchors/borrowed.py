@@ -3,10 +3,10 @@
 from collections.abc import Callable
 from dataclasses import dataclass
 
-from agents.capabilities.attention.following import Following
-from agents.capabilities.missions.command_run import VehicleCommand
-from agents.capabilities.missions.leading import MissionLeading
-from agents.capabilities.missions.performing import Performing
+from dyknow.agents.capabilities.attention.following import Following
+from dyknow.agents.capabilities.missions.command_run import VehicleCommand
+from dyknow.agents.capabilities.missions.leading import MissionLeading
+from dyknow.agents.capabilities.missions.performing import Performing
 from dyknow.model.errors import Refused
 
 

@@ -1,10 +1,10 @@
 """A UAV looks again when an anchor is ambiguous."""
 
-from agents.capabilities.capability import Capability, Group, PartClasses, Stage, attends
+from dyknow.agents.capabilities.capability import Capability, Group, PartClasses, Stage, attends
 
 
 def _parts() -> PartClasses:
-    from agents.capabilities.anchors.recovering import RecoveringAnchors
+    from dyknow.agents.capabilities.anchors.recovering import RecoveringAnchors
 
     return (RecoveringAnchors,)
 

@@ -4,10 +4,10 @@ from collections.abc import Iterator
 from math import inf
 from typing import Final
 
-from anchoring.matching.descriptions import Allowed, AllowedInterval, AllowedValues, ObjectDescription
+from dyknow.anchoring.matching.descriptions import Allowed, AllowedInterval, AllowedValues, ObjectDescription
 from dyknow.model.errors import Refused
-from reasoning.formulas import tree
-from reasoning.formulas.tree import Formula
+from dyknow.reasoning.formulas import tree
+from dyknow.reasoning.formulas.tree import Formula
 
 EXAMPLE: Final = 'colour[suspect] = "red" and mark[suspect]'
 _TURNED: Final = {"<": ">", "<=": ">=", ">": "<", ">=": "<=", "=": "="}

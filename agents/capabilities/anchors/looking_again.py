@@ -12,19 +12,19 @@ from itertools import islice
 from math import hypot
 from typing import Final, Protocol
 
-from agents.capabilities.anchors.looks import SHARE, PlannedLook
-from agents.capabilities.anchors.observed_objects import ObjectPlace, ObservedObjects
-from agents.capabilities.anchors.viewpoints import Viewpoint, Viewpoints, grid, nearest, ring
-from anchoring.links.structures import ObjectLinkage
-from anchoring.matching.candidates import ObservationGates, PerceptProperties
-from anchoring.matching.descriptions import ObjectDescription
-from anchoring.matching.situations import AnchoringSituation, MatchingOptions, classify
 from dyknow import US_PER_S
-from planning.ambiguity import recovery_messages as messages
-from planning.ambiguity.anchoring_recovery import AnchoringRecovery, RecoveryLimits, RecoveryPhase
-from planning.ambiguity.hypotheses import LookingKnowledge
-from planning.contingent.conditional_plans import ConditionalPlan, print_plan
-from planning.contingent.sensing_problems import SensingProblem
+from dyknow.agents.capabilities.anchors.looks import SHARE, PlannedLook
+from dyknow.agents.capabilities.anchors.observed_objects import ObjectPlace, ObservedObjects
+from dyknow.agents.capabilities.anchors.viewpoints import Viewpoint, Viewpoints, grid, nearest, ring
+from dyknow.anchoring.links.structures import ObjectLinkage
+from dyknow.anchoring.matching.candidates import ObservationGates, PerceptProperties
+from dyknow.anchoring.matching.descriptions import ObjectDescription
+from dyknow.anchoring.matching.situations import AnchoringSituation, MatchingOptions, classify
+from dyknow.planning.ambiguity import recovery_messages as messages
+from dyknow.planning.ambiguity.anchoring_recovery import AnchoringRecovery, RecoveryLimits, RecoveryPhase
+from dyknow.planning.ambiguity.hypotheses import LookingKnowledge
+from dyknow.planning.contingent.conditional_plans import ConditionalPlan, print_plan
+from dyknow.planning.contingent.sensing_problems import SensingProblem
 
 FIND_US: Final = 4 * US_PER_S
 """Percepts are gathered for so long before a Find, and after a loss before a Reacquire."""

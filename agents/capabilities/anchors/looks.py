@@ -5,12 +5,12 @@ from collections.abc import Callable, Mapping
 from dataclasses import dataclass
 from typing import Final
 
-from agents.capabilities.anchors.observed_objects import ObservedObjects, properties_of, since
-from agents.capabilities.anchors.viewpoints import Viewpoint
-from anchoring.matching.descriptions import PropertyValue
 from dyknow import US_PER_S
-from planning.ambiguity.anchoring_recovery import AnchoringRecovery
-from planning.ambiguity.recovery_messages import SensingActionStarted
+from dyknow.agents.capabilities.anchors.observed_objects import ObservedObjects, properties_of, since
+from dyknow.agents.capabilities.anchors.viewpoints import Viewpoint
+from dyknow.anchoring.matching.descriptions import PropertyValue
+from dyknow.planning.ambiguity.anchoring_recovery import AnchoringRecovery
+from dyknow.planning.ambiguity.recovery_messages import SensingActionStarted
 
 SETTLED_US: Final = 1_500_000
 """The camera is turned, and has settled, so long after a look began."""

@@ -10,11 +10,11 @@ from dataclasses import dataclass, field
 from math import isfinite
 from typing import Final, NamedTuple
 
-from anchoring.links.objects import LinkObject
-from anchoring.links.structures import ObjectLinkage
-from anchoring.matching.candidates import ObservedProperty
-from anchoring.matching.descriptions import PropertyValue
 from dyknow import NO_VALUE, Value
+from dyknow.anchoring.links.objects import LinkObject
+from dyknow.anchoring.links.structures import ObjectLinkage
+from dyknow.anchoring.matching.candidates import ObservedProperty
+from dyknow.anchoring.matching.descriptions import PropertyValue
 
 MOST: Final = 256
 """Most observed objects; the others are counted."""

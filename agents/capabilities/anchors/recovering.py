@@ -8,31 +8,31 @@ reported to the requester, logged, and the state of the task; questions are as t
 from collections.abc import Callable, Iterator
 from typing import Final
 
-from agents.capabilities.anchors.borrowed import BorrowedVehicle
-from agents.capabilities.anchors.described import described
-from agents.capabilities.anchors.looking_again import LIMITS, LookingAgain
-from agents.capabilities.anchors.viewpoints import Viewpoint
-from agents.capabilities.attention.camera_attention import CameraAttention
-from agents.capabilities.attention.following import Following
-from agents.capabilities.attention.wanting import WantedTask, Wanting
-from agents.capabilities.cameras.cameras import VIEW
-from agents.capabilities.flight.pilot import Pilot
-from agents.capabilities.missions.command_run import VehicleCommand
-from agents.capabilities.missions.leading import MissionLeading
-from agents.capabilities.missions.performing import Performing
-from agents.effects import SearchOver, Tell
-from agents.part import Part
-from agents.ports import PartRegistry, Ports
-from agents.specification.object_queries import LONGEST_REASON, ObjectQueries
-from anchoring.links.objects import LinkEvent
 from dyknow import NO_VALUE, Label, Policy, Sample
+from dyknow.agents.capabilities.anchors.borrowed import BorrowedVehicle
+from dyknow.agents.capabilities.anchors.described import described
+from dyknow.agents.capabilities.anchors.looking_again import LIMITS, LookingAgain
+from dyknow.agents.capabilities.anchors.viewpoints import Viewpoint
+from dyknow.agents.capabilities.attention.camera_attention import CameraAttention
+from dyknow.agents.capabilities.attention.following import Following
+from dyknow.agents.capabilities.attention.wanting import WantedTask, Wanting
+from dyknow.agents.capabilities.cameras.cameras import VIEW
+from dyknow.agents.capabilities.flight.pilot import Pilot
+from dyknow.agents.capabilities.missions.command_run import VehicleCommand
+from dyknow.agents.capabilities.missions.leading import MissionLeading
+from dyknow.agents.capabilities.missions.performing import Performing
+from dyknow.agents.effects import SearchOver, Tell
+from dyknow.agents.part import Part
+from dyknow.agents.ports import PartRegistry, Ports
+from dyknow.agents.specification.object_queries import LONGEST_REASON, ObjectQueries
+from dyknow.anchoring.links.objects import LinkEvent
+from dyknow.federation.messages.contents import MissionEntry, MissionQuestion, ObjectEvent, Progress
+from dyknow.kpl.linking.streams import LinkStream
+from dyknow.kpl.running.ports import Undo
 from dyknow.model.errors import Refused
-from federation.messages.contents import MissionEntry, MissionQuestion, ObjectEvent, Progress
-from kpl.linking.streams import LinkStream
-from kpl.running.ports import Undo
-from navigation.vehicle import GoToOrder
-from planning.contingent.sensing_problems import SensingProblem
-from planning.contingent.sent_problems import plan_of, problem_record
+from dyknow.navigation.vehicle import GoToOrder
+from dyknow.planning.contingent.sensing_problems import SensingProblem
+from dyknow.planning.contingent.sent_problems import plan_of, problem_record
 
 PERIOD_US: Final = 200_000
 STALE_US: Final = 1_000_000

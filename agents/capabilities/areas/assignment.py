@@ -1,7 +1,7 @@
 """The piece of a divided area that this platform is to watch, as a stream under `assigned-area` (thesis 9.2.3).
 
 An assignment carries the act that delegated the division, and is taken from the platform that leads it by that act:
-`agents.tasks.authority`. A platform that has no part in a division knows of it, too: it may have to lead it.
+`dyknow.agents.tasks.authority`. A platform that has no part in a division knows of it, too: it may have to lead it.
 
 Times are the node clock, but for valid times.
 """
@@ -11,16 +11,16 @@ from collections.abc import Callable, Iterable
 from dataclasses import dataclass
 from typing import Final
 
-from agents.actions import COORDINATION, INFORMED, Action, Offer
-from agents.part import Part, PeerChange
-from agents.ports import PartRegistry, Ports
-from agents.tasks.authority import Authority, TaskEvidence
 from dyknow import US_PER_S, Sample
+from dyknow.agents.actions import COORDINATION, INFORMED, Action, Offer
+from dyknow.agents.part import Part, PeerChange
+from dyknow.agents.ports import PartRegistry, Ports
+from dyknow.agents.tasks.authority import Authority, TaskEvidence
+from dyknow.federation.members.liveness import PlatformAppeared, PlatformGone
+from dyknow.federation.messages.acts import Act
+from dyknow.federation.messages.contents import AssignArea, DivideArea
+from dyknow.federation.messages.descriptions import ConditionEntry, LabelEntry
 from dyknow.model.errors import Refused
-from federation.members.liveness import PlatformAppeared, PlatformGone
-from federation.messages.acts import Act
-from federation.messages.contents import AssignArea, DivideArea
-from federation.messages.descriptions import ConditionEntry, LabelEntry
 
 LABEL: Final = "assigned-area"
 PERIOD_US: Final = US_PER_S

@@ -1,18 +1,18 @@
 """Several UAVs divide an area among them, and scan it."""
 
-from agents.capabilities.areas.requests import DIVIDE_AREA
-from agents.capabilities.capability import Capability, Group, PartClasses, Stage, always, attends
+from dyknow.agents.capabilities.areas.requests import DIVIDE_AREA
+from dyknow.agents.capabilities.capability import Capability, Group, PartClasses, Stage, always, attends
 
 
 def _division() -> PartClasses:
-    from agents.capabilities.areas.assignment import AreaAssignment
-    from agents.capabilities.areas.division import AreaDivision
+    from dyknow.agents.capabilities.areas.assignment import AreaAssignment
+    from dyknow.agents.capabilities.areas.division import AreaDivision
 
     return (AreaAssignment, AreaDivision)
 
 
 def _scanning() -> PartClasses:
-    from agents.capabilities.areas.scanning import Scanning
+    from dyknow.agents.capabilities.areas.scanning import Scanning
 
     return (Scanning,)
 

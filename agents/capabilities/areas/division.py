@@ -2,7 +2,7 @@
 
 It asks each for its maximum speed, battery and position by semantic label, divides the area in proportion to speed and battery, in
 the order in which the platforms lie along it, and informs each of its piece; again whenever one comes or goes. When the
-leader is gone, the first in the order of `agents.tasks.authority` takes over. It leads until one before it is back in the same life,
+leader is gone, the first in the order of `dyknow.agents.tasks.authority` takes over. It leads until one before it is back in the same life,
 and divides again. Its acts carry the one that delegated the division. Times are the node clock.
 """
 
@@ -11,25 +11,25 @@ from dataclasses import dataclass, field
 from functools import partial
 from typing import Any, Final
 
-from agents.actions import COORDINATION, Offer
-from agents.capabilities.areas.assignment import AreaAssignment
-from agents.capabilities.areas.requests import DIVIDE_AREA
-from agents.exchange.gateway import Gateway
-from agents.part import Part, PeerChange
-from agents.ports import PartRegistry, Ports
-from agents.tasks.authority import WAIT_US, Authority, TaskEvidence
-from agents.tasks.life import TaskLife
-from agents.tasks.task import Task
+from dyknow.agents.actions import COORDINATION, Offer
+from dyknow.agents.capabilities.areas.assignment import AreaAssignment
+from dyknow.agents.capabilities.areas.requests import DIVIDE_AREA
+from dyknow.agents.exchange.gateway import Gateway
+from dyknow.agents.part import Part, PeerChange
+from dyknow.agents.ports import PartRegistry, Ports
+from dyknow.agents.tasks.authority import WAIT_US, Authority, TaskEvidence
+from dyknow.agents.tasks.life import TaskLife
+from dyknow.agents.tasks.task import Task
+from dyknow.federation.members.directory import unit_order
+from dyknow.federation.members.liveness import PeerState, PlatformAppeared, PlatformGone, PlatformReturned
+from dyknow.federation.members.offers import LabelAppeared, LabelGone
+from dyknow.federation.messages.acts import Act, Performative
+from dyknow.federation.messages.contents import AreaRing, AssignArea, Content, DivideArea, Progress, Query, Samples
+from dyknow.federation.messages.contents.parts import next_generation
+from dyknow.federation.messages.rounds import Round
 from dyknow.model.errors import DyknowError, Refused
 from dyknow.model.values import NO_VALUE
-from federation.members.directory import unit_order
-from federation.members.liveness import PeerState, PlatformAppeared, PlatformGone, PlatformReturned
-from federation.members.offers import LabelAppeared, LabelGone
-from federation.messages.acts import Act, Performative
-from federation.messages.contents import AreaRing, AssignArea, Content, DivideArea, Progress, Query, Samples
-from federation.messages.contents.parts import next_generation
-from federation.messages.rounds import Round
-from navigation.areas import Area, Piece
+from dyknow.navigation.areas import Area, Piece
 
 P = Performative
 ASKED: Final = {

@@ -2,7 +2,7 @@
 
 from typing import Final
 
-from agents.actions import Action
-from federation.messages import contents
+from dyknow.agents.actions import Action
+from dyknow.federation.messages import contents
 
 DIVIDE_AREA: Final = Action(contents.DivideArea, "on_divide", typed=True)

@@ -11,22 +11,22 @@ from typing import Final
 
 import numpy as np
 
-from agents.capabilities.areas.assignment import AreaAssignment, AssignedPiece
-from agents.capabilities.cameras.cameras import VIEW
-from agents.capabilities.flight.pilot import Pilot
-from agents.capabilities.missions.command_run import VehicleCommand
-from agents.capabilities.missions.performing import Performing
-from agents.exchange.local_instance import LocalInstance
-from agents.exchange.partners import Partners
-from agents.exchange.subscription_keeper import SubscriptionKeeper
-from agents.part import Part
-from agents.ports import PartRegistry, Ports
 from dyknow import NO_VALUE, US_PER_S, Label, Policy, Sample
+from dyknow.agents.capabilities.areas.assignment import AreaAssignment, AssignedPiece
+from dyknow.agents.capabilities.cameras.cameras import VIEW
+from dyknow.agents.capabilities.flight.pilot import Pilot
+from dyknow.agents.capabilities.missions.command_run import VehicleCommand
+from dyknow.agents.capabilities.missions.performing import Performing
+from dyknow.agents.exchange.local_instance import LocalInstance
+from dyknow.agents.exchange.partners import Partners
+from dyknow.agents.exchange.subscription_keeper import SubscriptionKeeper
+from dyknow.agents.part import Part
+from dyknow.agents.ports import PartRegistry, Ports
+from dyknow.federation.messages.contents import AreaRing, DivideArea
+from dyknow.federation.messages.descriptions import ConditionEntry, LabelEntry
 from dyknow.model.errors import Refused
+from dyknow.navigation.scanning import Floats, ScanGrid, lawn_mower, swath_m, within
 from dyknow.network.stream_proxy import StreamProxy
-from federation.messages.contents import AreaRing, DivideArea
-from federation.messages.descriptions import ConditionEntry, LabelEntry
-from navigation.scanning import Floats, ScanGrid, lawn_mower, swath_m, within
 
 SCANNED: Final = "scanned-area"
 PERIOD_US: Final = US_PER_S

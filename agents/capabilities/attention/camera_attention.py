@@ -4,28 +4,28 @@ from collections.abc import Iterable
 from itertools import count
 from math import hypot
 
-from agents.actions import Offer
-from agents.capabilities.attention.requests import ATTEND
-from agents.capabilities.attention.seen_objects import SeenObjects
-from agents.capabilities.cameras.cameras import Cameras
-from agents.capabilities.flight.flight import FLIGHT
-from agents.capabilities.flight.pilot import Pilot
-from agents.effects import Reported
-from agents.part import NOT_MINE, Followed, Part
-from agents.ports import PartRegistry, Ports
-from agents.tasks.life import TaskLife
-from agents.tasks.task import Task
-from anchoring.attention.deciding import Attention, Gaze
-from anchoring.attention.ground import around, roads_near
-from anchoring.attention.view import TurnableCamera
-from anchoring.roads.network import RoadNetwork
 from dyknow import Sample
+from dyknow.agents.actions import Offer
+from dyknow.agents.capabilities.attention.requests import ATTEND
+from dyknow.agents.capabilities.attention.seen_objects import SeenObjects
+from dyknow.agents.capabilities.cameras.cameras import Cameras
+from dyknow.agents.capabilities.flight.flight import FLIGHT
+from dyknow.agents.capabilities.flight.pilot import Pilot
+from dyknow.agents.effects import Reported
+from dyknow.agents.part import NOT_MINE, Followed, Part
+from dyknow.agents.ports import PartRegistry, Ports
+from dyknow.agents.tasks.life import TaskLife
+from dyknow.agents.tasks.task import Task
+from dyknow.anchoring.attention.deciding import Attention, Gaze
+from dyknow.anchoring.attention.ground import around, roads_near
+from dyknow.anchoring.attention.view import TurnableCamera
+from dyknow.anchoring.roads.network import RoadNetwork
+from dyknow.federation.messages.acts import Act
+from dyknow.federation.messages.contents import Attend
+from dyknow.federation.messages.descriptions import ConditionEntry, LabelEntry
 from dyknow.model.errors import Refused
-from federation.messages.acts import Act
-from federation.messages.contents import Attend
-from federation.messages.descriptions import ConditionEntry, LabelEntry
-from navigation.cameras.pinhole import PanTilt
-from navigation.vehicle import (
+from dyknow.navigation.cameras.pinhole import PanTilt
+from dyknow.navigation.vehicle import (
     SUPERSEDED,
     UNCONFIRMED,
     Command,

@@ -1,18 +1,18 @@
 """Cameras look at requested objects, and vehicles follow them."""
 
-from agents.capabilities.attention.requests import ATTEND, FOLLOW, WANT
-from agents.capabilities.capability import Capability, Group, PartClasses, Stage, always, attends
+from dyknow.agents.capabilities.attention.requests import ATTEND, FOLLOW, WANT
+from dyknow.agents.capabilities.capability import Capability, Group, PartClasses, Stage, always, attends
 
 
 def _looking() -> PartClasses:
-    from agents.capabilities.attention.camera_attention import CameraAttention
-    from agents.capabilities.attention.following import Following
+    from dyknow.agents.capabilities.attention.camera_attention import CameraAttention
+    from dyknow.agents.capabilities.attention.following import Following
 
     return (CameraAttention, Following)
 
 
 def _wanting() -> PartClasses:
-    from agents.capabilities.attention.wanting import Wanting
+    from dyknow.agents.capabilities.attention.wanting import Wanting
 
     return (Wanting,)
 

@@ -10,23 +10,23 @@ from dataclasses import dataclass, field
 from difflib import get_close_matches
 from math import hypot
 
-from agents.actions import Offer
-from agents.capabilities.attention.camera_attention import CameraAttention
-from agents.capabilities.attention.requests import FOLLOW
-from agents.capabilities.attention.standoff import CREDIBLE_US, Leaps, Whereabouts, expected, goal
-from agents.capabilities.flight.errand import Errand
-from agents.capabilities.flight.flight import FLIGHT, FlightAgent
-from agents.capabilities.flight.pilot import Pilot
-from agents.part import Part
-from agents.ports import PartRegistry, Ports
-from agents.tasks.life import TaskLife
-from agents.tasks.task import Task
-from anchoring.attention.watched import WatchedObject
+from dyknow.agents.actions import Offer
+from dyknow.agents.capabilities.attention.camera_attention import CameraAttention
+from dyknow.agents.capabilities.attention.requests import FOLLOW
+from dyknow.agents.capabilities.attention.standoff import CREDIBLE_US, Leaps, Whereabouts, expected, goal
+from dyknow.agents.capabilities.flight.errand import Errand
+from dyknow.agents.capabilities.flight.flight import FLIGHT, FlightAgent
+from dyknow.agents.capabilities.flight.pilot import Pilot
+from dyknow.agents.part import Part
+from dyknow.agents.ports import PartRegistry, Ports
+from dyknow.agents.tasks.life import TaskLife
+from dyknow.agents.tasks.task import Task
+from dyknow.anchoring.attention.watched import WatchedObject
+from dyknow.federation.messages.acts import Act, Performative
+from dyknow.federation.messages.contents import Done, Follow, Progress
+from dyknow.federation.messages.descriptions import ConditionEntry
 from dyknow.model.errors import Refused, did_you_mean
-from federation.messages.acts import Act, Performative
-from federation.messages.contents import Done, Follow, Progress
-from federation.messages.descriptions import ConditionEntry
-from navigation.vehicle import Command, GoToOrder, HoldOrder, Order
+from dyknow.navigation.vehicle import Command, GoToOrder, HoldOrder, Order
 
 PERIOD_US = 200_000
 ORDERED_US = 1_500_000

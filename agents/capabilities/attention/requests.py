@@ -2,8 +2,8 @@
 
 from typing import Final
 
-from agents.actions import Action, Role
-from federation.messages import contents
+from dyknow.agents.actions import Action, Role
+from dyknow.federation.messages import contents
 
 FOLLOW: Final = Action(contents.Follow, "on_follow", role=Role.COMMAND_CENTRE, typed=True)
 ATTEND: Final = Action(contents.Attend, "on_attend", role=Role.COMMAND_CENTRE, typed=True)

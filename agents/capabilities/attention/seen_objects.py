@@ -3,12 +3,12 @@
 from collections.abc import Collection, Iterator, Sequence
 from typing import Any, Protocol
 
-from anchoring.attention.watched import WatchedObject, WatchedPlace, moved_on, watched
-from anchoring.links.specification import LinkSpecification
-from anchoring.links.structures import ObjectLinkage
 from dyknow import NO_VALUE, Label, Sample
+from dyknow.anchoring.attention.watched import WatchedObject, WatchedPlace, moved_on, watched
+from dyknow.anchoring.links.specification import LinkSpecification
+from dyknow.anchoring.links.structures import ObjectLinkage
+from dyknow.kpl import Instance
 from dyknow.objects.object_table import ObjectChange, ObjectTable, Undo
-from kpl import Instance
 
 _FIELDS = ("x_m", "y_m", "anchored")
 """Without these a stream is not one of objects that may be looked for."""

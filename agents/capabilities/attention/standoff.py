@@ -4,8 +4,8 @@ from collections.abc import Sequence
 from math import hypot, isfinite
 from typing import Final, NamedTuple
 
-from anchoring.attention.watched import WatchedPlace
 from dyknow import US_PER_S
+from dyknow.anchoring.attention.watched import WatchedPlace
 
 LEAD_S: Final = 2.0
 """The vehicle flies to where the object will be after so long."""

@@ -9,26 +9,26 @@ from dataclasses import dataclass
 from functools import partial
 from typing import Final, NamedTuple, Protocol
 
-from agents.actions import Offer, Role
-from agents.capabilities.attention.requests import WANT
-from agents.exchange.label_agreements import LabelAgreements
-from agents.part import Part
-from agents.ports import PartRegistry, Ports
-from agents.specification.specification_part import SPECIFICATION
-from agents.tasks.life import TaskLife
-from agents.tasks.task import Task
-from anchoring.links.objects import LinkEvent
 from dyknow import Label
+from dyknow.agents.actions import Offer, Role
+from dyknow.agents.capabilities.attention.requests import WANT
+from dyknow.agents.exchange.label_agreements import LabelAgreements
+from dyknow.agents.part import Part
+from dyknow.agents.ports import PartRegistry, Ports
+from dyknow.agents.specification.specification_part import SPECIFICATION
+from dyknow.agents.tasks.life import TaskLife
+from dyknow.agents.tasks.task import Task
+from dyknow.anchoring.links.objects import LinkEvent
+from dyknow.federation.messages.acts import Act, Performative
+from dyknow.federation.messages.contents import Progress, WantObject
+from dyknow.federation.messages.descriptions import in_one_line
+from dyknow.kpl import parse_formula
+from dyknow.kpl.introspection.link_reasons import because
+from dyknow.kpl.linking.streams import LinkStream
+from dyknow.kpl.linking.wants import check_want
+from dyknow.kpl.syntax.specification import WantDeclaration
 from dyknow.model.errors import Refused, SortError, TextError, did_you_mean
 from dyknow.model.members import member_name
-from federation.messages.acts import Act, Performative
-from federation.messages.contents import Progress, WantObject
-from federation.messages.descriptions import in_one_line
-from kpl import parse_formula
-from kpl.introspection.link_reasons import because
-from kpl.linking.streams import LinkStream
-from kpl.linking.wants import check_want
-from kpl.syntax.specification import WantDeclaration
 
 MOST_OF_ONE: Final = 4
 """Objects that one member may have looked for."""

@@ -7,18 +7,17 @@ that was requested does. Times are the node clock.
 from dataclasses import dataclass
 from typing import Final, NamedTuple
 
-from agents.actions import FEDERATION, Action, Offer
-from agents.exchange.federation_agent import FederationAgent
-from agents.exchange.label_agreements import LabelAgreements
-from agents.part import Part, PeerChange
-from agents.ports import PartRegistry, Ports
-from agents.shedding import Shedding
-from agents.tasks.life import TaskLife
-from dyknow.model.errors import DyknowError, Refused
-from federation.members.deadlines import Deadlines
-from federation.members.offers import LabelGone
-from federation.messages.acts import Act, Performative
-from federation.messages.contents import (
+from dyknow.agents.actions import FEDERATION, Action, Offer
+from dyknow.agents.exchange.federation_agent import FederationAgent
+from dyknow.agents.exchange.label_agreements import LabelAgreements
+from dyknow.agents.part import Part, PeerChange
+from dyknow.agents.ports import PartRegistry, Ports
+from dyknow.agents.shedding import Shedding
+from dyknow.agents.tasks.life import TaskLife
+from dyknow.federation.members.deadlines import Deadlines
+from dyknow.federation.members.offers import LabelGone
+from dyknow.federation.messages.acts import Act, Performative
+from dyknow.federation.messages.contents import (
     CallForStream,
     CreateMulticast,
     Done,
@@ -27,6 +26,7 @@ from federation.messages.contents import (
     StreamProposal,
     TakeProposal,
 )
+from dyknow.model.errors import DyknowError, Refused
 
 P = Performative
 STAND_US: Final = 600_000_000

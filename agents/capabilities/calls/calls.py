@@ -8,20 +8,20 @@ from collections.abc import Callable, Iterable
 from functools import partial
 from typing import Final
 
-from agents.admission.trusted import PlatformTrust
-from agents.effects import Tell
-from agents.exchange.imported import Imported, converting
-from agents.exchange.local_instance import LocalInstance
-from agents.part import Part
-from agents.ports import PartRegistry, Ports
 from dyknow import Label, Policy, Sample
+from dyknow.agents.admission.trusted import PlatformTrust
+from dyknow.agents.effects import Tell
+from dyknow.agents.exchange.imported import Imported, converting
+from dyknow.agents.exchange.local_instance import LocalInstance
+from dyknow.agents.part import Part
+from dyknow.agents.ports import PartRegistry, Ports
+from dyknow.federation.calls.call import StreamCall
+from dyknow.federation.calls.kept_record import KeptRecord, Unkept
+from dyknow.federation.calls.proposals import CallNews, WantedStream
+from dyknow.federation.messages.descriptions import ConditionEntry
 from dyknow.network.generator import Consumer
 from dyknow.network.process import Input
 from dyknow.network.stream_proxy import StreamProxy
-from federation.calls.call import StreamCall
-from federation.calls.kept_record import KeptRecord, Unkept
-from federation.calls.proposals import CallNews, WantedStream
-from federation.messages.descriptions import ConditionEntry
 
 PERIOD_US: Final = 100_000
 MAX_DELAY_US: Final = 1_000_000

@@ -1,11 +1,11 @@
 """Streams by call for proposals: which platform produces one, at what cost."""
 
-from agents.capabilities.capability import Capability, Group, PartClasses, Stage, always
+from dyknow.agents.capabilities.capability import Capability, Group, PartClasses, Stage, always
 
 
 def _parts() -> PartClasses:
-    from agents.capabilities.calls.bids import Bids
-    from agents.capabilities.calls.calls import Calls
+    from dyknow.agents.capabilities.calls.bids import Bids
+    from dyknow.agents.capabilities.calls.calls import Calls
 
     return (Bids, Calls)
 

@@ -4,19 +4,19 @@ from collections import Counter
 from collections.abc import Iterable, Mapping
 from math import degrees, sqrt
 
-from agents.capabilities.cameras.perception import Perception
-from agents.capabilities.flight.vehicle_streams import VehicleStreams
-from agents.effects import Reported
-from agents.exchange.export_proxy import ExportProxy
-from agents.part import NOT_MINE, Followed, Part
-from agents.ports import PartRegistry, Ports
-from anchoring.links.structures import Percept
 from dyknow import NO_VALUE, Label, Policy, Sample, Value
-from federation.messages.descriptions import ConditionEntry, LabelEntry
-from navigation.cameras.channels import PERSON
-from navigation.cameras.state import CameraState
-from navigation.geodesy import LocalFrame
-from navigation.vehicle import AttitudeReport, ImageReport, MountReport
+from dyknow.agents.capabilities.cameras.perception import Perception
+from dyknow.agents.capabilities.flight.vehicle_streams import VehicleStreams
+from dyknow.agents.effects import Reported
+from dyknow.agents.exchange.export_proxy import ExportProxy
+from dyknow.agents.part import NOT_MINE, Followed, Part
+from dyknow.agents.ports import PartRegistry, Ports
+from dyknow.anchoring.links.structures import Percept
+from dyknow.federation.messages.descriptions import ConditionEntry, LabelEntry
+from dyknow.navigation.cameras.channels import PERSON
+from dyknow.navigation.cameras.state import CameraState
+from dyknow.navigation.geodesy import LocalFrame
+from dyknow.navigation.vehicle import AttitudeReport, ImageReport, MountReport
 
 PERCEPTS, STATE, VIEW, PERSONS = "vision-percepts", "camera-state", "camera-view", "person-percepts"
 """Semantic labels."""

@@ -1,10 +1,10 @@
 """A UAV with cameras looks: images become percepts on the ground."""
 
-from agents.capabilities.capability import Capability, Group, PartClasses, Stage, has_cameras
+from dyknow.agents.capabilities.capability import Capability, Group, PartClasses, Stage, has_cameras
 
 
 def _parts() -> PartClasses:
-    from agents.capabilities.cameras.cameras import Cameras
+    from dyknow.agents.capabilities.cameras.cameras import Cameras
 
     return (Cameras,)
 

@@ -9,17 +9,17 @@ from functools import reduce
 from math import isfinite
 from typing import Final, NamedTuple
 
-from anchoring.belief.cameras import camera_view
-from anchoring.links.structures import Percept
-from anchoring.percepts.tracking import PerceptTracker
 from dyknow import Value
-from navigation.cameras.channels import PERSON, Detection, GroundDetection, fused, located
-from navigation.cameras.ground import FlatGround
-from navigation.cameras.pinhole import FloatArray, PanTilt, Pixel
-from navigation.cameras.rig import CameraRig
-from navigation.cameras.state import CameraState, CameraStateEstimator
-from navigation.fusion import Estimate
-from navigation.vehicle import AttitudeReport, ImageDetection, ImageReport, MountReport
+from dyknow.anchoring.belief.cameras import camera_view
+from dyknow.anchoring.links.structures import Percept
+from dyknow.anchoring.percepts.tracking import PerceptTracker
+from dyknow.navigation.cameras.channels import PERSON, Detection, GroundDetection, fused, located
+from dyknow.navigation.cameras.ground import FlatGround
+from dyknow.navigation.cameras.pinhole import FloatArray, PanTilt, Pixel
+from dyknow.navigation.cameras.rig import CameraRig
+from dyknow.navigation.cameras.state import CameraState, CameraStateEstimator
+from dyknow.navigation.fusion import Estimate
+from dyknow.navigation.vehicle import AttitudeReport, ImageDetection, ImageReport, MountReport
 
 PATIENCE_US: Final = 250_000
 MOST_WAITING: Final = 16

@@ -1,12 +1,12 @@
 """One picture of the objects that several platforms see."""
 
-from agents.capabilities.capability import Capability, Group, PartClasses, Stage, always
-from agents.capabilities.cooperation.requests import SHARE
+from dyknow.agents.capabilities.capability import Capability, Group, PartClasses, Stage, always
+from dyknow.agents.capabilities.cooperation.requests import SHARE
 
 
 def _parts() -> PartClasses:
-    from agents.capabilities.cooperation.cooperation import Cooperation
-    from agents.capabilities.cooperation.handover import Handover
+    from dyknow.agents.capabilities.cooperation.cooperation import Cooperation
+    from dyknow.agents.capabilities.cooperation.handover import Handover
 
     return (Cooperation, Handover)
 

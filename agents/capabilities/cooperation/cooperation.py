@@ -8,9 +8,10 @@ as `global-objects`. There is no leader: each platform comes to the same names b
 from collections.abc import Callable, Iterable
 from functools import partial
 
-from agents.actions import FEDERATION, QUERIED, Action, Offer, Role
-from agents.capabilities.cooperation.shared_map import SharedMap
-from agents.capabilities.cooperation.track_records import (
+from dyknow import Sample, Value
+from dyknow.agents.actions import FEDERATION, QUERIED, Action, Offer, Role
+from dyknow.agents.capabilities.cooperation.shared_map import SharedMap
+from dyknow.agents.capabilities.cooperation.track_records import (
     IDENTITIES,
     PICTURE,
     TRACKS,
@@ -21,17 +22,16 @@ from agents.capabilities.cooperation.track_records import (
     row_value,
     track_report,
 )
-from agents.part import PeerChange
-from agents.ports import PartRegistry, Ports
-from anchoring.cooperation.picture import HOLD_US, GlobalPicture
-from anchoring.cooperation.reports import IdentityClaim
-from anchoring.cooperation.rows import PictureEvent
-from dyknow import Sample, Value
-from federation.members.liveness import PlatformAppeared, PlatformGone
-from federation.members.offers import LabelAppeared, LabelGone
-from federation.messages.acts import Act, Performative
-from federation.messages.contents import ObjectPicture, PictureEntry
-from federation.messages.descriptions import LabelEntry
+from dyknow.agents.part import PeerChange
+from dyknow.agents.ports import PartRegistry, Ports
+from dyknow.anchoring.cooperation.picture import HOLD_US, GlobalPicture
+from dyknow.anchoring.cooperation.reports import IdentityClaim
+from dyknow.anchoring.cooperation.rows import PictureEvent
+from dyknow.federation.members.liveness import PlatformAppeared, PlatformGone
+from dyknow.federation.members.offers import LabelAppeared, LabelGone
+from dyknow.federation.messages.acts import Act, Performative
+from dyknow.federation.messages.contents import ObjectPicture, PictureEntry
+from dyknow.federation.messages.descriptions import LabelEntry
 
 CLAIMS_US = 1_000_000
 """Period at which an unchanged claim is repeated."""

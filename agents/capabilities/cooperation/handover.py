@@ -12,11 +12,12 @@ from importlib.resources import files
 from math import tan
 from typing import Final
 
-from agents.actions import FEDERATION, Offer
-from agents.capabilities.cooperation.cooperation import Cooperation
-from agents.capabilities.cooperation.remote_percepts import RemotePercepts
-from agents.capabilities.cooperation.requests import SHARE
-from agents.capabilities.cooperation.track_records import (
+from dyknow import NO_VALUE, US_PER_MS, US_PER_S, Label, Sample
+from dyknow.agents.actions import FEDERATION, Offer
+from dyknow.agents.capabilities.cooperation.cooperation import Cooperation
+from dyknow.agents.capabilities.cooperation.remote_percepts import RemotePercepts
+from dyknow.agents.capabilities.cooperation.requests import SHARE
+from dyknow.agents.capabilities.cooperation.track_records import (
     ATTRIBUTES,
     EVENTS,
     IDENTITIES,
@@ -29,12 +30,12 @@ from agents.capabilities.cooperation.track_records import (
     pair_relation,
     relation_value,
 )
-from agents.exchange.export_proxy import ExportProxy
-from agents.part import Part, PeerChange
-from agents.ports import PartRegistry, Ports
-from agents.specification.object_queries import LONGEST_REASON, ObjectQueries
-from anchoring.cooperation.attributes import AttributeChanges, ObjectAttribute
-from anchoring.cooperation.manoeuvres import (
+from dyknow.agents.exchange.export_proxy import ExportProxy
+from dyknow.agents.part import Part, PeerChange
+from dyknow.agents.ports import PartRegistry, Ports
+from dyknow.agents.specification.object_queries import LONGEST_REASON, ObjectQueries
+from dyknow.anchoring.cooperation.attributes import AttributeChanges, ObjectAttribute
+from dyknow.anchoring.cooperation.manoeuvres import (
     PairEvents,
     PairRelation,
     PairRelations,
@@ -42,18 +43,17 @@ from anchoring.cooperation.manoeuvres import (
     as_relation,
     handed_over,
 )
-from anchoring.cooperation.picture import HOLD_US, PERIOD_US
-from anchoring.cooperation.rows import PictureEvent, PictureRow
-from anchoring.cooperation.sharing import TRACKS_US, Partner, SharingLevel, chosen_level, kbit_s, wanted_of
-from dyknow import NO_VALUE, US_PER_MS, US_PER_S, Label, Sample
+from dyknow.anchoring.cooperation.picture import HOLD_US, PERIOD_US
+from dyknow.anchoring.cooperation.rows import PictureEvent, PictureRow
+from dyknow.anchoring.cooperation.sharing import TRACKS_US, Partner, SharingLevel, chosen_level, kbit_s, wanted_of
+from dyknow.federation.members.directory import DirectoryEntry
+from dyknow.federation.members.offers import LabelAppeared, LabelGone
+from dyknow.federation.messages.acts import Act
+from dyknow.federation.messages.contents import ObjectEvent, Share
+from dyknow.federation.messages.descriptions import LabelEntry
+from dyknow.kpl import parse_chronicles
 from dyknow.model.errors import Refused
-from federation.members.directory import DirectoryEntry
-from federation.members.offers import LabelAppeared, LabelGone
-from federation.messages.acts import Act
-from federation.messages.contents import ObjectEvent, Share
-from federation.messages.descriptions import LabelEntry
-from kpl import parse_chronicles
-from reasoning.chronicles import ChronicleFile, ChronicleInstance
+from dyknow.reasoning.chronicles import ChronicleFile, ChronicleInstance
 
 PERCEPTS: Final = "vision-percepts"
 CAMERA: Final = "camera-state"
@@ -106,7 +106,7 @@ class Handover(Part):
         self._views: dict[str, tuple[float, float, float]] = {}
         self._linked: dict[str, RemotePercepts] = {}
         self._relations, self._events = PairRelations(), PairEvents()
-        text = files("agents.capabilities.cooperation").joinpath("spanning.chr").read_text(encoding="utf-8")
+        text = files("dyknow.agents.capabilities.cooperation").joinpath("spanning.chr").read_text(encoding="utf-8")
         self._overtakes = parse_chronicles(text)
         self._instance = ports.instance()
         parts[ObjectQueries].histories.append(self._history)

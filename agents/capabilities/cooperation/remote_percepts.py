@@ -1,11 +1,11 @@
 """Percepts of a platform that links nothing itself, linked here: the objects are its tracks."""
 
-from anchoring.cooperation.reports import TrackReport
-from anchoring.links.states import ObjectState
-from anchoring.links.structures import LinkOutcome, ObjectLinkage
-from anchoring.percepts.records import PerceptRecords
-from anchoring.ready import VISION, WORLD, ready_specification
 from dyknow import Sample, Sort
+from dyknow.anchoring.cooperation.reports import TrackReport
+from dyknow.anchoring.links.states import ObjectState
+from dyknow.anchoring.links.structures import LinkOutcome, ObjectLinkage
+from dyknow.anchoring.percepts.records import PerceptRecords
+from dyknow.anchoring.ready import VISION, WORLD, ready_specification
 
 LATE_US = 400_000
 """How long the percepts of an image are waited for."""

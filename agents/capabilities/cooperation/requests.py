@@ -2,7 +2,7 @@
 
 from typing import Final
 
-from agents.actions import Action, Role
-from federation.messages import contents
+from dyknow.agents.actions import Action, Role
+from dyknow.federation.messages import contents
 
 SHARE: Final = Action(contents.Share, "on_share", role=Role.COMMAND_CENTRE, typed=True)

@@ -3,15 +3,15 @@
 from collections.abc import Callable, Iterable, Mapping
 from typing import ClassVar
 
-from agents.exchange.label_agreements import LabelAgreements
-from agents.exchange.local_instance import LocalInstance
-from agents.exchange.partners import Partners
-from agents.exchange.subscription_keeper import SubscriptionKeeper
-from agents.part import Part
-from agents.ports import PartRegistry, Ports
 from dyknow import Label, Policy, Sample, Value
+from dyknow.agents.exchange.label_agreements import LabelAgreements
+from dyknow.agents.exchange.local_instance import LocalInstance
+from dyknow.agents.exchange.partners import Partners
+from dyknow.agents.exchange.subscription_keeper import SubscriptionKeeper
+from dyknow.agents.part import Part
+from dyknow.agents.ports import PartRegistry, Ports
+from dyknow.federation.messages.descriptions import LabelEntry
 from dyknow.network.stream_proxy import StreamProxy
-from federation.messages.descriptions import LabelEntry
 
 _LIVES = 1000
 

@@ -5,12 +5,12 @@ from typing import Any, Final, get_args
 
 import numpy as np
 
-from anchoring.cooperation.attributes import LONGEST, ObjectAttribute
-from anchoring.cooperation.manoeuvres import EventKind, Pair, PairEvent, PairRelation
-from anchoring.cooperation.reports import IdentityClaim, TrackReport
-from anchoring.cooperation.rows import PictureRow
-from anchoring.links.states import UNMEASURED, ObjectState
 from dyknow import NO_VALUE, US_PER_S, Label, Sample, Sort, Value
+from dyknow.anchoring.cooperation.attributes import LONGEST, ObjectAttribute
+from dyknow.anchoring.cooperation.manoeuvres import EventKind, Pair, PairEvent, PairRelation
+from dyknow.anchoring.cooperation.reports import IdentityClaim, TrackReport
+from dyknow.anchoring.cooperation.rows import PictureRow
+from dyknow.anchoring.links.states import UNMEASURED, ObjectState
 
 TRACKS: Final = "object-tracks"
 IDENTITIES: Final = "object-identities"

@@ -5,7 +5,7 @@ since until a user asks for something), then giving way to another vehicle, then
 route that the platform was started with. A user's own order has the mission wait. A vehicle that stands disarmed is in no hands.
 
 Each rule about the vehicle's state is a sentence, or None where it forbids nothing. Where the vehicle may be sent is in
-`agents.places`.
+`dyknow.agents.places`.
 """
 
 from dataclasses import dataclass
@@ -13,7 +13,7 @@ from enum import IntEnum
 from typing import Final, NamedTuple
 
 from dyknow.model.errors import Refused
-from navigation import vehicle
+from dyknow.navigation import vehicle
 
 HEARD_WITHIN_US = 3_000_000
 _FOR_MISSIONS = vehicle.InterruptOrder | vehicle.ResumeMissionOrder | vehicle.MissionItemOrder

@@ -7,12 +7,12 @@ the way, and a gap of the link, are waited for; the end of the order ends the wa
 from dataclasses import dataclass
 from typing import Final
 
-from agents.capabilities.flight.arbiter import HEARD_WITHIN_US, Commander
-from agents.capabilities.flight.errand import LEVEL_M, UPRIGHT_M, Errand, OrderProgress
-from agents.capabilities.flight.pilot import Pilot
 from dyknow import US_PER_S
-from navigation.geodesy import distance_m
-from navigation.vehicle import GoToOrder
+from dyknow.agents.capabilities.flight.arbiter import HEARD_WITHIN_US, Commander
+from dyknow.agents.capabilities.flight.errand import LEVEL_M, UPRIGHT_M, Errand, OrderProgress
+from dyknow.agents.capabilities.flight.pilot import Pilot
+from dyknow.navigation.geodesy import distance_m
+from dyknow.navigation.vehicle import GoToOrder
 
 UNSEEN_US: Final = 10 * US_PER_S
 """How long a vehicle that does not fly its order may take to do so again."""

@@ -7,11 +7,11 @@ a roof or a hill; a user looks there before landing anyway.
 from collections.abc import Iterable
 from typing import Final
 
-from agents.exchange.gateway import Gateway
-from agents.places import Fix
 from dyknow import NO_VALUE, Value
+from dyknow.agents.exchange.gateway import Gateway
+from dyknow.agents.places import Fix
 from dyknow.model.errors import Refused, UnknownLabel, ValueNotAvailable
-from navigation.geodesy import distance_m
+from dyknow.navigation.geodesy import distance_m
 
 OCCUPIED: Final = "occupied"
 """The code of the refusal."""

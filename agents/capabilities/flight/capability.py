@@ -1,18 +1,18 @@
 """A UAV flies: estimates of its vehicle, orders to it; faults of one that is simulated."""
 
-from agents.capabilities.capability import Capability, Group, PartClasses, Stage, has_vehicle, is_simulated
-from agents.capabilities.flight.requests import FLIGHT
+from dyknow.agents.capabilities.capability import Capability, Group, PartClasses, Stage, has_vehicle, is_simulated
+from dyknow.agents.capabilities.flight.requests import FLIGHT
 
 
 def _vehicle() -> PartClasses:
-    from agents.capabilities.flight.flight import FlightAgent
-    from agents.capabilities.flight.vehicle_streams import WinchStream
+    from dyknow.agents.capabilities.flight.flight import FlightAgent
+    from dyknow.agents.capabilities.flight.vehicle_streams import WinchStream
 
     return (WinchStream, FlightAgent)
 
 
 def _faults() -> PartClasses:
-    from agents.capabilities.flight.flight import Faults
+    from dyknow.agents.capabilities.flight.flight import Faults
 
     return (Faults,)
 

@@ -8,13 +8,13 @@ hands: the route or mission waits, and giving way continues.
 from collections.abc import Callable
 from dataclasses import dataclass, field
 
-from agents.capabilities.flight import arbiter
-from agents.capabilities.flight.arbiter import ENDINGS, CommandClaims, MissionClaim, in_words
-from agents.capabilities.flight.errand import TEXT_WITHIN_US, Errand, OrderProgress
-from agents.capabilities.flight.heard_vehicle import HeardVehicle, InterruptedMission
-from navigation import vehicle
-from navigation.cruise import CruiseReport
-from navigation.mission_plans import MissionPlanReport
+from dyknow.agents.capabilities.flight import arbiter
+from dyknow.agents.capabilities.flight.arbiter import ENDINGS, CommandClaims, MissionClaim, in_words
+from dyknow.agents.capabilities.flight.errand import TEXT_WITHIN_US, Errand, OrderProgress
+from dyknow.agents.capabilities.flight.heard_vehicle import HeardVehicle, InterruptedMission
+from dyknow.navigation import vehicle
+from dyknow.navigation.cruise import CruiseReport
+from dyknow.navigation.mission_plans import MissionPlanReport
 
 FORGETS_US = 3_500_000
 """After so long a silence home has to be reported again; the feed asks for it after 3 s."""

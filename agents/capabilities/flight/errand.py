@@ -13,7 +13,7 @@ that the vehicle tells (POSITION_TARGET_GLOBAL_INT, where it tells one; for a mo
     any but REF.  the vehicle has another target than this one and the one before,
                   or is in another mode than ours                                    OVERTAKEN, for good
 
-No clock and no messages here: how often an order is sent, and in which messages, is in `proxies.mavlink.orders`.
+No clock and no messages here: how often an order is sent, and in which messages, is in `dyknow.proxies.mavlink.orders`.
 Times are federation time.
 """
 
@@ -21,9 +21,9 @@ from dataclasses import dataclass
 from enum import Enum
 from math import cos, hypot, radians
 
-from agents.places import Fix
-from navigation.geodesy import distance_m
-from navigation.vehicle import (
+from dyknow.agents.places import Fix
+from dyknow.navigation.geodesy import distance_m
+from dyknow.navigation.vehicle import (
     INTERRUPTIBLE_MODES,
     MODES_OF,
     NO_ANSWER,

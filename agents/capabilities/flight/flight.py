@@ -3,28 +3,28 @@
 from collections.abc import Iterable
 from typing import Final
 
-from agents.actions import QUERIED, Action, Offer, Role
-from agents.capabilities.flight.arbiter import Commander, in_words
-from agents.capabilities.flight.arrival import Arrival
-from agents.capabilities.flight.below import occupied_below
-from agents.capabilities.flight.errand import Errand
-from agents.capabilities.flight.options import AvoidanceOptions
-from agents.capabilities.flight.pilot import Pilot
-from agents.capabilities.flight.requests import FLIGHT as FLIGHT_REQUESTS
-from agents.capabilities.flight.vehicle_streams import VehicleStreams
-from agents.effects import InjectFault, Reported
-from agents.exchange.gateway import Gateway
-from agents.exchange.local_instance import LocalInstance
-from agents.part import Followed, Part
-from agents.places import Waypoint, fences_of, place_text
-from agents.ports import PartRegistry, Ports
 from dyknow import US_PER_S, Sample, earlier
-from federation.members.offers import Service
-from federation.messages.acts import Act, Performative
-from federation.messages.contents import Done, Fault, FlightOutlook, Goto, Hold, Land, Reason, Resume, ReturnHome
-from federation.messages.contents.flight import MOST_PLACES
-from federation.messages.descriptions import ConditionEntry, LabelEntry
-from navigation.vehicle import (
+from dyknow.agents.actions import QUERIED, Action, Offer, Role
+from dyknow.agents.capabilities.flight.arbiter import Commander, in_words
+from dyknow.agents.capabilities.flight.arrival import Arrival
+from dyknow.agents.capabilities.flight.below import occupied_below
+from dyknow.agents.capabilities.flight.errand import Errand
+from dyknow.agents.capabilities.flight.options import AvoidanceOptions
+from dyknow.agents.capabilities.flight.pilot import Pilot
+from dyknow.agents.capabilities.flight.requests import FLIGHT as FLIGHT_REQUESTS
+from dyknow.agents.capabilities.flight.vehicle_streams import VehicleStreams
+from dyknow.agents.effects import InjectFault, Reported
+from dyknow.agents.exchange.gateway import Gateway
+from dyknow.agents.exchange.local_instance import LocalInstance
+from dyknow.agents.part import Followed, Part
+from dyknow.agents.places import Waypoint, fences_of, place_text
+from dyknow.agents.ports import PartRegistry, Ports
+from dyknow.federation.members.offers import Service
+from dyknow.federation.messages.acts import Act, Performative
+from dyknow.federation.messages.contents import Done, Fault, FlightOutlook, Goto, Hold, Land, Reason, Resume, ReturnHome
+from dyknow.federation.messages.contents.flight import MOST_PLACES
+from dyknow.federation.messages.descriptions import ConditionEntry, LabelEntry
+from dyknow.navigation.vehicle import (
     Command,
     GoToOrder,
     HoldOrder,

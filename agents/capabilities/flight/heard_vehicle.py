@@ -4,13 +4,13 @@ from collections.abc import Callable
 from dataclasses import dataclass, field
 from typing import Final, NamedTuple
 
-from agents.capabilities.flight import arbiter
-from agents.capabilities.flight.targets import Targets
-from agents.places import Bounds, Fix, FlightLimits, FlightPlan
+from dyknow.agents.capabilities.flight import arbiter
+from dyknow.agents.capabilities.flight.targets import Targets
+from dyknow.agents.places import Bounds, Fix, FlightLimits, FlightPlan
 from dyknow.model.errors import Refused
-from navigation import vehicle
-from navigation.cruise import CruiseReport
-from navigation.mission_plans import MissionItem
+from dyknow.navigation import vehicle
+from dyknow.navigation.cruise import CruiseReport
+from dyknow.navigation.mission_plans import MissionItem
 
 FORBIDDEN: Final = "forbidden"
 """The code of a refusal by a rule."""

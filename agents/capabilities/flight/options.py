@@ -4,7 +4,7 @@ from typing import Annotated
 
 from pydantic import Field
 
-from agents.options import Everywhere, Flag, OptionPath, Options
+from dyknow.agents.options import Everywhere, Flag, OptionPath, Options
 
 
 class FlightOptions(Options):

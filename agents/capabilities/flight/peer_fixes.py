@@ -1,8 +1,8 @@
 """Where another unit is, as far as the streams of this platform know."""
 
-from agents.exchange.gateway import Gateway
-from agents.places import Fix
 from dyknow import NO_VALUE
+from dyknow.agents.exchange.gateway import Gateway
+from dyknow.agents.places import Fix
 from dyknow.model.errors import UnknownLabel, ValueNotAvailable
 
 

@@ -1,16 +1,17 @@
 """The pilot: flies the platform's plan and carries out orders, within the rules for commanding aircraft.
 
 A platform commands its vehicle only when it was given control, and only while the vehicle is armed, airborne, in a
-guided mode and heard (`agents.capabilities.flight.arbiter`); within floor, ceiling and range, and inside the autopilot's own fence. In
+guided mode and heard (`dyknow.agents.capabilities.flight.arbiter`); within floor, ceiling and range, and inside the autopilot's own fence. In
 AUTO it only leaves the mission to give way, if it may, and continues it. Every refusal names the rule that made it. The
 activity interrupted by giving way is commanded once and then forgotten; after a takeover, AUTO included, nothing is
-sent until a user asks for it. The life of an order is in `agents.capabilities.flight.errand`.
+sent until a user asks for it. The life of an order is in `dyknow.agents.capabilities.flight.errand`.
 """
 
 from dataclasses import dataclass
 from typing import Final
 
-from agents.capabilities.flight.arbiter import (
+from dyknow import Sample, earlier
+from dyknow.agents.capabilities.flight.arbiter import (
     ANY_MODE,
     ENDINGS,
     HEARD_WITHIN_US,
@@ -19,15 +20,14 @@ from agents.capabilities.flight.arbiter import (
     MissionClaim,
     in_words,
 )
-from agents.capabilities.flight.commanded import CommandedVehicle
-from agents.capabilities.flight.errand import Errand, OrderProgress
-from agents.capabilities.flight.heard_vehicle import FORBIDDEN, InterruptedMission
-from agents.places import Fix
-from agents.ports import PartRegistry, Ports
-from dyknow import Sample, earlier
+from dyknow.agents.capabilities.flight.commanded import CommandedVehicle
+from dyknow.agents.capabilities.flight.errand import Errand, OrderProgress
+from dyknow.agents.capabilities.flight.heard_vehicle import FORBIDDEN, InterruptedMission
+from dyknow.agents.places import Fix
+from dyknow.agents.ports import PartRegistry, Ports
 from dyknow.model.errors import Refused
-from navigation import vehicle
-from navigation.geodesy import LocalFrame, distance_m
+from dyknow.navigation import vehicle
+from dyknow.navigation.geodesy import LocalFrame, distance_m
 
 _SAME_PLACE_M: Final = 5.0
 
@@ -54,7 +54,7 @@ class Pilot(CommandedVehicle):
         return None if home is None else LocalFrame(home.latitude_deg, home.longitude_deg, home.altitude_m)
 
     def on_estimate(self, sample: Sample) -> list[vehicle.Command]:
-        """Take a fused estimate (see `navigation.PositionFilter`) and fly on."""
+        """Take a fused estimate (see `PositionFilter`) and fly on."""
         fix = self.fix = Fix(sample.valid_us, *sample.value[:6])
         self._now_us = max(self._now_us, sample.valid_us)
         self._judge(lambda errand: errand.on_fix(fix, self.now_us))

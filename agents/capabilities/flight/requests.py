@@ -2,8 +2,8 @@
 
 from typing import Final
 
-from agents.actions import Action, Role
-from federation.messages import contents
+from dyknow.agents.actions import Action, Role
+from dyknow.federation.messages import contents
 
 FLIGHT: Final = tuple(
     Action(content, handler, role=Role.COMMAND_CENTRE, typed=True)

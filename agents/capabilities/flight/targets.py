@@ -7,11 +7,11 @@ are flown, and over gaps of the link: it is the way back. It is forgotten when t
 
 from dataclasses import dataclass
 
-from agents.capabilities.flight.arbiter import HEARD_WITHIN_US
-from agents.capabilities.flight.errand import Errand, is_at
-from agents.places import Fix
-from navigation.geodesy import distance_m
-from navigation.vehicle import GoToOrder, TargetReport, stopping_distance_m
+from dyknow.agents.capabilities.flight.arbiter import HEARD_WITHIN_US
+from dyknow.agents.capabilities.flight.errand import Errand, is_at
+from dyknow.agents.places import Fix
+from dyknow.navigation.geodesy import distance_m
+from dyknow.navigation.vehicle import GoToOrder, TargetReport, stopping_distance_m
 
 _THERE_M = 5.0
 

@@ -9,17 +9,17 @@ from collections.abc import Callable, Iterable, Sequence
 from functools import partial
 from typing import Final
 
-from agents.effects import Reported
-from agents.part import NOT_MINE, Followed, Part
-from agents.ports import PartRegistry, Ports
 from dyknow import SURE, Field, Label, Network, Quality, Sample, Sort, Value, independent
+from dyknow.agents.effects import Reported
+from dyknow.agents.part import NOT_MINE, Followed, Part
+from dyknow.agents.ports import PartRegistry, Ports
+from dyknow.federation.messages.descriptions import LabelEntry
+from dyknow.federation.shares import TokenBucket
+from dyknow.federation.sharing.translation import Translation
+from dyknow.navigation.fusion import Estimate, PositionFilter
+from dyknow.navigation.geodesy import metres_per_degree
+from dyknow.navigation.vehicle import BatteryReport, HomeReport, Report, WinchReport
 from dyknow.network.generator import Consumer
-from federation.messages.descriptions import LabelEntry
-from federation.shares import TokenBucket
-from federation.sharing.translation import Translation
-from navigation.fusion import Estimate, PositionFilter
-from navigation.geodesy import metres_per_degree
-from navigation.vehicle import BatteryReport, HomeReport, Report, WinchReport
 
 ESTIMATE = Sort(
     "estimate",

@@ -1,19 +1,19 @@
 """A UAV pursues goals: it leads, performs, proposes and takes over missions; one without a vehicle relays them."""
 
-from agents.capabilities.capability import Capability, Group, PartClasses, Stage, has_no_vehicle, has_vehicle
+from dyknow.agents.capabilities.capability import Capability, Group, PartClasses, Stage, has_no_vehicle, has_vehicle
 
 
 def _with_vehicle() -> PartClasses:
-    from agents.capabilities.missions.leading import MissionLeading
-    from agents.capabilities.missions.mission_succession import MissionSuccession
-    from agents.capabilities.missions.performing import Performing
-    from agents.capabilities.missions.proposing import MissionProposals
+    from dyknow.agents.capabilities.missions.leading import MissionLeading
+    from dyknow.agents.capabilities.missions.mission_succession import MissionSuccession
+    from dyknow.agents.capabilities.missions.performing import Performing
+    from dyknow.agents.capabilities.missions.proposing import MissionProposals
 
     return (Performing, MissionLeading, MissionProposals, MissionSuccession)
 
 
 def _relaying() -> PartClasses:
-    from agents.capabilities.missions.relaying import MissionRelay
+    from dyknow.agents.capabilities.missions.relaying import MissionRelay
 
     return (MissionRelay,)
 

@@ -19,12 +19,12 @@ from dataclasses import dataclass
 from math import pi
 from typing import Final, NamedTuple
 
-from agents.capabilities.flight.arbiter import Commander
-from agents.capabilities.flight.pilot import Pilot
-from agents.places import Fix
+from dyknow.agents.capabilities.flight.arbiter import Commander
+from dyknow.agents.capabilities.flight.pilot import Pilot
+from dyknow.agents.places import Fix
 from dyknow.model.errors import Refused
-from navigation.geodesy import distance_m
-from navigation.vehicle import (
+from dyknow.navigation.geodesy import distance_m
+from dyknow.navigation.vehicle import (
     Arm,
     Command,
     GoToOrder,

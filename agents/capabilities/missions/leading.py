@@ -9,26 +9,25 @@ from collections.abc import Callable, Mapping
 from functools import partial
 from typing import Final, Protocol
 
-from agents.actions import COORDINATION, QUERIED, Action, Offer, Role
-from agents.capabilities.missions.led_mission import LedMission, MissionOrder, MissionUnit
-from agents.capabilities.missions.locating import UnitSights
-from agents.capabilities.missions.mission_texts import MissionTexts, with_initial
-from agents.capabilities.missions.mission_units import OtherUnit, OwnUnit
-from agents.capabilities.missions.performing import Performing
-from agents.capabilities.missions.searches import MissionSearches
-from agents.capabilities.missions.sensing import UnitSensors
-from agents.effects import SearchNews, SearchOver, Tell
-from agents.exchange.gateway import Gateway
-from agents.exchange.local_instance import LocalInstance
-from agents.exchange.subscription_keeper import SubscriptionKeeper
-from agents.part import Followed, Part
-from agents.ports import PartRegistry, Ports
-from agents.tasks.authority import Authority
-from agents.tasks.life import TaskLife
-from agents.tasks.task import Task
-from dyknow.model.errors import Refused
-from federation.messages.acts import Act, Performative
-from federation.messages.contents import (
+from dyknow.agents.actions import COORDINATION, QUERIED, Action, Offer, Role
+from dyknow.agents.capabilities.missions.led_mission import LedMission, MissionOrder, MissionUnit
+from dyknow.agents.capabilities.missions.locating import UnitSights
+from dyknow.agents.capabilities.missions.mission_texts import MissionTexts, with_initial
+from dyknow.agents.capabilities.missions.mission_units import OtherUnit, OwnUnit
+from dyknow.agents.capabilities.missions.performing import Performing
+from dyknow.agents.capabilities.missions.searches import MissionSearches
+from dyknow.agents.capabilities.missions.sensing import UnitSensors
+from dyknow.agents.effects import SearchNews, SearchOver, Tell
+from dyknow.agents.exchange.gateway import Gateway
+from dyknow.agents.exchange.local_instance import LocalInstance
+from dyknow.agents.exchange.subscription_keeper import SubscriptionKeeper
+from dyknow.agents.part import Followed, Part
+from dyknow.agents.ports import PartRegistry, Ports
+from dyknow.agents.tasks.authority import Authority
+from dyknow.agents.tasks.life import TaskLife
+from dyknow.agents.tasks.task import Task
+from dyknow.federation.messages.acts import Act, Performative
+from dyknow.federation.messages.contents import (
     AnswerQuestion,
     ControlMission,
     Done,
@@ -39,12 +38,13 @@ from federation.messages.contents import (
     Progress,
     Reason,
 )
-from navigation.geodesy import LocalFrame
-from planning.domains.model import Declarations
-from planning.execution import events
-from planning.recovery.options import MissionPhase
-from planning.search.plans import MissionPlan, plan_of
-from reasoning.formulas import tree
+from dyknow.model.errors import Refused
+from dyknow.navigation.geodesy import LocalFrame
+from dyknow.planning.domains.model import Declarations
+from dyknow.planning.execution import events
+from dyknow.planning.recovery.options import MissionPhase
+from dyknow.planning.search.plans import MissionPlan, plan_of
+from dyknow.reasoning.formulas import tree
 
 P = Performative
 MOST: Final = 4

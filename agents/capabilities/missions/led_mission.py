@@ -7,21 +7,21 @@ from collections.abc import Mapping, Sequence
 from dataclasses import dataclass
 from typing import Final, Protocol
 
-from agents.capabilities.missions.command_run import VehicleCommand
-from agents.capabilities.missions.locating import Locating, UnitSights
-from agents.capabilities.missions.looking import FIRST_LOOK, EffectLooks
-from agents.capabilities.missions.mission_texts import ActionCommands, MissionTexts, texts_of, with_initial
-from agents.capabilities.missions.sensing import UnitSensors
-from agents.tasks.authority import TaskEvidence
 from dyknow import Value
+from dyknow.agents.capabilities.missions.command_run import VehicleCommand
+from dyknow.agents.capabilities.missions.locating import Locating, UnitSights
+from dyknow.agents.capabilities.missions.looking import FIRST_LOOK, EffectLooks
+from dyknow.agents.capabilities.missions.mission_texts import ActionCommands, MissionTexts, texts_of, with_initial
+from dyknow.agents.capabilities.missions.sensing import UnitSensors
+from dyknow.agents.tasks.authority import TaskEvidence
+from dyknow.federation.messages.acts import Act
+from dyknow.federation.messages.contents import MissionEntry, MissionQuestion
 from dyknow.model.errors import Refused
-from federation.messages.acts import Act
-from federation.messages.contents import MissionEntry, MissionQuestion
-from planning.domains.model import Declarations
-from planning.execution import events
-from planning.recovery.mission import Mission
-from planning.recovery.options import MissionOptions, MissionPhase
-from planning.search.plans import MissionPlan
+from dyknow.planning.domains.model import Declarations
+from dyknow.planning.execution import events
+from dyknow.planning.recovery.mission import Mission
+from dyknow.planning.recovery.options import MissionOptions, MissionPhase
+from dyknow.planning.search.plans import MissionPlan
 
 PERIOD_US: Final = 200_000
 NOTES: Final = 32

@@ -12,20 +12,20 @@ from typing import Final, Protocol
 
 import numpy as np
 
-from agents.capabilities.flight.vehicle_streams import LOAD
-from agents.capabilities.missions.command_run import VehicleCommand
-from agents.capabilities.missions.sensing import HEIGHT, HELD_KG, MAX_DELAY_US, PERIOD_US, POSITION
-from agents.exchange.gateway import Gateway
-from agents.exchange.local_instance import LocalInstance
-from agents.exchange.subscription_keeper import SubscriptionKeeper
 from dyknow import NO_VALUE, Sample, Value
+from dyknow.agents.capabilities.flight.vehicle_streams import LOAD
+from dyknow.agents.capabilities.missions.command_run import VehicleCommand
+from dyknow.agents.capabilities.missions.sensing import HEIGHT, HELD_KG, MAX_DELAY_US, PERIOD_US, POSITION
+from dyknow.agents.exchange.gateway import Gateway
+from dyknow.agents.exchange.local_instance import LocalInstance
+from dyknow.agents.exchange.subscription_keeper import SubscriptionKeeper
 from dyknow.model.errors import DyknowError
-from navigation.geodesy import LocalFrame
-from navigation.searching.landing import Drop, LandingPrior, landing
-from navigation.searching.search import PlacedPercept, SearchPlace, SightSearch
-from planning.execution import events
-from planning.recovery.situation import objects_of
-from planning.search.plans import PlannedAction
+from dyknow.navigation.geodesy import LocalFrame
+from dyknow.navigation.searching.landing import Drop, LandingPrior, landing
+from dyknow.navigation.searching.search import PlacedPercept, SearchPlace, SightSearch
+from dyknow.planning.execution import events
+from dyknow.planning.recovery.situation import objects_of
+from dyknow.planning.search.plans import PlannedAction
 
 PERCEPTS: Final = "vision-percepts"
 VIEW: Final = "camera-view"

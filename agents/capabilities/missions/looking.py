@@ -11,12 +11,12 @@ from typing import Final
 
 import numpy as np
 
-from agents.capabilities.missions.command_run import VehicleCommand
-from agents.capabilities.missions.locating import SearchingUnit, UnitSights, other_things, wanted_colour
-from navigation.searching.landing import Drop, LandingPrior, landing
-from navigation.searching.search import SightSearch
-from planning.execution.events import ActionEnded, StartAction
-from planning.recovery.situation import objects_of
+from dyknow.agents.capabilities.missions.command_run import VehicleCommand
+from dyknow.agents.capabilities.missions.locating import SearchingUnit, UnitSights, other_things, wanted_colour
+from dyknow.navigation.searching.landing import Drop, LandingPrior, landing
+from dyknow.navigation.searching.search import SightSearch
+from dyknow.planning.execution.events import ActionEnded, StartAction
+from dyknow.planning.recovery.situation import objects_of
 
 FIRST_LOOK: Final = 2_000_000
 """Flights to look are numbered from here on."""

@@ -9,19 +9,19 @@ A leader that is back in the same life leads again. Times are the node clock.
 from dataclasses import dataclass, field
 from typing import Final
 
-from agents.actions import COORDINATION, INFORMED, Action, Offer
-from agents.capabilities.missions.leading import MissionLeading
-from agents.capabilities.missions.led_mission import LedMission, MissionOrder
-from agents.capabilities.missions.mission_texts import MissionTexts, texts_of
-from agents.capabilities.missions.performing import Performing
-from agents.part import Part, PeerChange
-from agents.ports import PartRegistry, Ports
-from agents.tasks.authority import Authority
+from dyknow.agents.actions import COORDINATION, INFORMED, Action, Offer
+from dyknow.agents.capabilities.missions.leading import MissionLeading
+from dyknow.agents.capabilities.missions.led_mission import LedMission, MissionOrder
+from dyknow.agents.capabilities.missions.mission_texts import MissionTexts, texts_of
+from dyknow.agents.capabilities.missions.performing import Performing
+from dyknow.agents.part import Part, PeerChange
+from dyknow.agents.ports import PartRegistry, Ports
+from dyknow.agents.tasks.authority import Authority
+from dyknow.federation.members.directory import unit_order
+from dyknow.federation.members.liveness import PlatformAppeared, PlatformGone
+from dyknow.federation.messages.acts import Act, AgentName, Performative
+from dyknow.federation.messages.contents import FlyMission, KeepMission, Reason
 from dyknow.model.errors import Refused
-from federation.members.directory import unit_order
-from federation.members.liveness import PlatformAppeared, PlatformGone
-from federation.messages.acts import Act, AgentName, Performative
-from federation.messages.contents import FlyMission, KeepMission, Reason
 
 PERIOD_US: Final = 1_000_000
 AFTER_US: Final = 1_500_000

@@ -8,20 +8,20 @@ from collections.abc import Iterable, Mapping
 from dataclasses import dataclass, replace
 from typing import Any, Final
 
-from agents.capabilities.missions.command_run import VehicleCommand
+from dyknow.agents.capabilities.missions.command_run import VehicleCommand
 from dyknow.model.errors import DyknowError, Refused, did_you_mean
 from dyknow.model.sample import Value
-from navigation.geodesy import LocalFrame
-from planning.domains import model
-from planning.domains.model import Application, Declarations, Expression, Operator
-from planning.domains.packing import packed, unpacked
-from planning.domains.printing import print_declarations
-from planning.domains.texts import parse_domain, parse_problem
-from planning.domains.types import Types
-from planning.search.plans import PlannedAction
-from planning.search.tasks import PlanningTask, calculated
-from reasoning.formulas import tree
-from reasoning.formulas.tree import label_text
+from dyknow.navigation.geodesy import LocalFrame
+from dyknow.planning.domains import model
+from dyknow.planning.domains.model import Application, Declarations, Expression, Operator
+from dyknow.planning.domains.packing import packed, unpacked
+from dyknow.planning.domains.printing import print_declarations
+from dyknow.planning.domains.texts import parse_domain, parse_problem
+from dyknow.planning.domains.types import Types
+from dyknow.planning.search.plans import PlannedAction
+from dyknow.planning.search.tasks import PlanningTask, calculated
+from dyknow.reasoning.formulas import tree
+from dyknow.reasoning.formulas.tree import label_text
 
 STEP: Final = "mission-step"
 MAX_OBJECTS: Final = 2000

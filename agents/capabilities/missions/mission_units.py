@@ -4,12 +4,11 @@ from collections.abc import Callable
 from dataclasses import dataclass
 from typing import Final
 
-from agents.capabilities.missions.command_run import VehicleCommand
-from agents.capabilities.missions.performing import Performing
-from agents.interface import InterfaceAgent
-from dyknow.model.errors import Refused
-from federation.messages.acts import Act, Performative
-from federation.messages.contents import (
+from dyknow.agents.capabilities.missions.command_run import VehicleCommand
+from dyknow.agents.capabilities.missions.performing import Performing
+from dyknow.agents.interface import InterfaceAgent
+from dyknow.federation.messages.acts import Act, Performative
+from dyknow.federation.messages.contents import (
     CommandEntry,
     Content,
     JoinMission,
@@ -18,6 +17,7 @@ from federation.messages.contents import (
     Reason,
     VehicleNews,
 )
+from dyknow.model.errors import Refused
 
 P = Performative
 JOIN_US: Final = 3_000_000

@@ -9,21 +9,20 @@ from collections.abc import Callable, Iterable
 from dataclasses import dataclass
 from typing import Final
 
-from agents.actions import Action, Offer, Role
-from agents.admission.mission_permits import Permits
-from agents.capabilities.flight.arbiter import Commander
-from agents.capabilities.flight.flight import FLIGHT, FlightAgent
-from agents.capabilities.flight.pilot import Pilot
-from agents.capabilities.missions.command_run import CommandRun, VehicleCommand
-from agents.part import Part
-from agents.ports import PartRegistry, Ports
-from agents.tasks.authority import Authority, TaskEvidence
-from agents.tasks.command_watch import CommandWatch
-from agents.tasks.life import TaskLife
-from agents.tasks.task import Task
-from dyknow.model.errors import Refused
-from federation.messages.acts import Act
-from federation.messages.contents import (
+from dyknow.agents.actions import Action, Offer, Role
+from dyknow.agents.admission.mission_permits import Permits
+from dyknow.agents.capabilities.flight.arbiter import Commander
+from dyknow.agents.capabilities.flight.flight import FLIGHT, FlightAgent
+from dyknow.agents.capabilities.flight.pilot import Pilot
+from dyknow.agents.capabilities.missions.command_run import CommandRun, VehicleCommand
+from dyknow.agents.part import Part
+from dyknow.agents.ports import PartRegistry, Ports
+from dyknow.agents.tasks.authority import Authority, TaskEvidence
+from dyknow.agents.tasks.command_watch import CommandWatch
+from dyknow.agents.tasks.life import TaskLife
+from dyknow.agents.tasks.task import Task
+from dyknow.federation.messages.acts import Act
+from dyknow.federation.messages.contents import (
     CommandEntry,
     JoinMission,
     PerformCommands,
@@ -31,9 +30,10 @@ from federation.messages.contents import (
     PermitMission,
     VehicleNews,
 )
-from federation.messages.descriptions import ConditionEntry
-from navigation.vehicle import Command, HoldOrder
-from planning.domains.model import COMMANDS
+from dyknow.federation.messages.descriptions import ConditionEntry
+from dyknow.model.errors import Refused
+from dyknow.navigation.vehicle import Command, HoldOrder
+from dyknow.planning.domains.model import COMMANDS
 
 PERIOD_US: Final = 200_000
 LONGEST_WAIT_S: Final = 3600.0

@@ -3,9 +3,9 @@
 import re
 from typing import Final
 
-from agents.capabilities.missions.mission_texts import MissionTexts, step_of
+from dyknow.agents.capabilities.missions.mission_texts import MissionTexts, step_of
+from dyknow.federation.messages.contents import MissionProposal
 from dyknow.model.errors import Refused
-from federation.messages.contents import MissionProposal
 
 _LINE: Final = re.compile(r"(\d{1,9}(?:\.\d+)?) s  (.{1,1000})")
 ROUNDED_S: Final = 0.06

@@ -7,16 +7,15 @@ ten minutes old. Times are the node clock.
 from dataclasses import dataclass
 from typing import Final
 
-from agents.actions import COORDINATION, Action, Offer
-from agents.capabilities.missions.leading import LONGEST_SEARCH_US, MissionLeading
-from agents.capabilities.missions.mission_texts import MissionTexts, texts_of
-from agents.effects import SearchOver
-from agents.part import Part
-from agents.ports import PartRegistry, Ports
-from dyknow.model.errors import DyknowError, Refused
-from federation.members.deadlines import Deadlines
-from federation.messages.acts import Act, Performative
-from federation.messages.contents import (
+from dyknow.agents.actions import COORDINATION, Action, Offer
+from dyknow.agents.capabilities.missions.leading import LONGEST_SEARCH_US, MissionLeading
+from dyknow.agents.capabilities.missions.mission_texts import MissionTexts, texts_of
+from dyknow.agents.effects import SearchOver
+from dyknow.agents.part import Part
+from dyknow.agents.ports import PartRegistry, Ports
+from dyknow.federation.members.deadlines import Deadlines
+from dyknow.federation.messages.acts import Act, Performative
+from dyknow.federation.messages.contents import (
     CallForMission,
     LeaveMission,
     MissionProposal,
@@ -24,7 +23,8 @@ from federation.messages.contents import (
     Reason,
     TakeMission,
 )
-from planning.search.plans import MissionPlan, plan_of
+from dyknow.model.errors import DyknowError, Refused
+from dyknow.planning.search.plans import MissionPlan, plan_of
 
 P = Performative
 STAND_US: Final = 600_000_000

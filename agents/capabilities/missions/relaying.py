@@ -7,19 +7,19 @@ have delegated. Reports are forwarded; a cancel is passed on.
 from functools import partial
 from typing import Final
 
-from agents.actions import COORDINATION, Action, Offer
-from agents.admission.mission_permits import Permits
-from agents.capabilities.missions.mission_texts import MissionTexts
-from agents.capabilities.missions.searches import MissionSearches
-from agents.effects import SearchOver
-from agents.part import Followed, Part
-from agents.ports import PartRegistry, Ports
-from agents.tasks.authority import Authority
-from agents.tasks.life import TaskLife
-from agents.tasks.task import Task
+from dyknow.agents.actions import COORDINATION, Action, Offer
+from dyknow.agents.admission.mission_permits import Permits
+from dyknow.agents.capabilities.missions.mission_texts import MissionTexts
+from dyknow.agents.capabilities.missions.searches import MissionSearches
+from dyknow.agents.effects import SearchOver
+from dyknow.agents.part import Followed, Part
+from dyknow.agents.ports import PartRegistry, Ports
+from dyknow.agents.tasks.authority import Authority
+from dyknow.agents.tasks.life import TaskLife
+from dyknow.agents.tasks.task import Task
+from dyknow.federation.messages.acts import Act, Performative
+from dyknow.federation.messages.contents import Content, Done, FlyMission, Progress, Reason
 from dyknow.model.errors import Refused
-from federation.messages.acts import Act, Performative
-from federation.messages.contents import Content, Done, FlyMission, Progress, Reason
 
 P = Performative
 MOST: Final = 4

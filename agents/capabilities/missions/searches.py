@@ -4,9 +4,9 @@ from collections.abc import Callable, Mapping
 from itertools import count
 from typing import Any, Final, TypeAlias
 
-from agents.capabilities.missions.mission_texts import MissionTexts, texts_in
-from agents.effects import Effect, EndSearch, RunSearch, SearchOver
-from federation.messages.contents import FlyMission, Reason
+from dyknow.agents.capabilities.missions.mission_texts import MissionTexts, texts_in
+from dyknow.agents.effects import Effect, EndSearch, RunSearch, SearchOver
+from dyknow.federation.messages.contents import FlyMission, Reason
 
 READ_US: Final = 10_000_000
 """A text that takes longer to read is refused."""

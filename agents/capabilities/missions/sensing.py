@@ -8,13 +8,13 @@ metres east and north of the mission's origin.
 from collections.abc import Callable, Iterable, Mapping
 from typing import Final
 
-from agents.capabilities.flight.vehicle_streams import LOAD
-from agents.exchange.gateway import Gateway
-from agents.exchange.local_instance import LocalInstance
-from agents.exchange.subscription_keeper import SubscriptionKeeper
 from dyknow import NO_VALUE, Value
+from dyknow.agents.capabilities.flight.vehicle_streams import LOAD
+from dyknow.agents.exchange.gateway import Gateway
+from dyknow.agents.exchange.local_instance import LocalInstance
+from dyknow.agents.exchange.subscription_keeper import SubscriptionKeeper
 from dyknow.model.errors import DyknowError
-from navigation.geodesy import LocalFrame
+from dyknow.navigation.geodesy import LocalFrame
 
 POSITION: Final = "heli-position"
 HEIGHT: Final = "heli-height"

@@ -1,10 +1,10 @@
 """A map of persons that several platforms find."""
 
-from agents.capabilities.capability import Capability, Group, PartClasses, Stage, always
+from dyknow.agents.capabilities.capability import Capability, Group, PartClasses, Stage, always
 
 
 def _parts() -> PartClasses:
-    from agents.capabilities.saliency.saliency import Saliency
+    from dyknow.agents.capabilities.saliency.saliency import Saliency
 
     return (Saliency,)
 

@@ -2,11 +2,11 @@
 
 from typing import Any, Final
 
-from anchoring.saliency.entries import PersonEntry
-from anchoring.saliency.map import SalientPlace
-from anchoring.saliency.watching import PersonLook
 from dyknow import NO_VALUE, US_PER_S, Sample, Value
-from navigation.geodesy import LocalFrame
+from dyknow.anchoring.saliency.entries import PersonEntry
+from dyknow.anchoring.saliency.map import SalientPlace
+from dyknow.anchoring.saliency.watching import PersonLook
+from dyknow.navigation.geodesy import LocalFrame
 
 PERCEPTS: Final = "person-percepts"
 ENTRIES: Final = "saliency-entries"

@@ -9,9 +9,10 @@ from collections import Counter
 from collections.abc import Iterable
 from typing import Final
 
-from agents.actions import FEDERATION, QUERIED, Action, Offer, Role
-from agents.capabilities.cooperation.shared_map import SharedMap
-from agents.capabilities.saliency.records import (
+from dyknow import US_PER_S, Sample
+from dyknow.agents.actions import FEDERATION, QUERIED, Action, Offer, Role
+from dyknow.agents.capabilities.cooperation.shared_map import SharedMap
+from dyknow.agents.capabilities.saliency.records import (
     ENTRIES,
     MAP,
     PERCEPTS,
@@ -22,16 +23,15 @@ from agents.capabilities.saliency.records import (
     person_look,
     place_value,
 )
-from agents.part import PeerChange
-from agents.ports import PartRegistry, Ports
-from anchoring.saliency.entries import PersonEntry
-from anchoring.saliency.map import SaliencyMap
-from anchoring.saliency.watching import PersonSearch
-from dyknow import US_PER_S, Sample
-from federation.members.offers import LabelAppeared, LabelGone
-from federation.messages.acts import Act
-from federation.messages.contents import SaliencyRow, SaliencyRows
-from federation.messages.descriptions import ConditionEntry
+from dyknow.agents.part import PeerChange
+from dyknow.agents.ports import PartRegistry, Ports
+from dyknow.anchoring.saliency.entries import PersonEntry
+from dyknow.anchoring.saliency.map import SaliencyMap
+from dyknow.anchoring.saliency.watching import PersonSearch
+from dyknow.federation.members.offers import LabelAppeared, LabelGone
+from dyknow.federation.messages.acts import Act
+from dyknow.federation.messages.contents import SaliencyRow, SaliencyRows
+from dyknow.federation.messages.descriptions import ConditionEntry
 
 PERIOD_US: Final = US_PER_S
 AGAIN: Final = 5

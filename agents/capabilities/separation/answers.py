@@ -2,16 +2,16 @@
 
 from typing import Final
 
-from agents.capabilities.separation.logic import STEPS, SeparationLogic
-from agents.capabilities.separation.neighbourhood import Neighbourhood
-from agents.capabilities.separation.neighbours import tube_of
-from agents.capabilities.separation.records import legs_of
-from agents.capabilities.separation.situation import Situation
-from agents.capabilities.separation.situation_view import SituationView
+from dyknow.agents.capabilities.separation.logic import STEPS, SeparationLogic
+from dyknow.agents.capabilities.separation.neighbourhood import Neighbourhood
+from dyknow.agents.capabilities.separation.neighbours import tube_of
+from dyknow.agents.capabilities.separation.records import legs_of
+from dyknow.agents.capabilities.separation.situation import Situation
+from dyknow.agents.capabilities.separation.situation_view import SituationView
+from dyknow.federation.messages.contents import Avoid
 from dyknow.model.errors import Refused
-from federation.messages.contents import Avoid
-from navigation.intents.intent import Contingency, IntendedPlace, Intent, IntentEnding, IntentSource, RightOfWay
-from navigation.intents.meeting import MINIMA, clearance, closeness
+from dyknow.navigation.intents.intent import Contingency, IntendedPlace, Intent, IntentEnding, IntentSource, RightOfWay
+from dyknow.navigation.intents.meeting import MINIMA, clearance, closeness
 
 SOON_S: Final = 20.0
 """A meeting that another leaves to us has to be so near, by our own data."""

@@ -9,14 +9,14 @@ from collections import deque
 from collections.abc import Iterator
 from typing import Any, Final, NamedTuple
 
-from agents.audit_log import AuditEntry
-from agents.capabilities.separation.options import EncounterOptions
-from agents.effects import EncounterMessage, KeepEncounter
-from agents.exchange.gateway import Gateway
-from agents.monitoring.alarm_log import AlarmLog, alarm_content
-from agents.part import Part
-from agents.ports import PartRegistry, Ports
 from dyknow import NO_VALUE, Sample
+from dyknow.agents.audit_log import AuditEntry
+from dyknow.agents.capabilities.separation.options import EncounterOptions
+from dyknow.agents.effects import EncounterMessage, KeepEncounter
+from dyknow.agents.exchange.gateway import Gateway
+from dyknow.agents.monitoring.alarm_log import AlarmLog, alarm_content
+from dyknow.agents.part import Part
+from dyknow.agents.ports import PartRegistry, Ports
 from dyknow.model.errors import Refused, UnknownLabel, ValueNotAvailable
 from dyknow.model.values import as_json
 

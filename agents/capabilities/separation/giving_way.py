@@ -1,6 +1,6 @@
 """From a meeting to a manoeuvre that those concerned agree on, and back to the own way (thesis 9.4.1).
 
-The glue between intents, the rule of `agents.capabilities.separation.logic`, acts to the others, and the pilot. Decisions are noted
+The glue between intents, the rule of `dyknow.agents.capabilities.separation.logic`, acts to the others, and the pilot. Decisions are noted
 here and reported to the delegators of the tasks that keep vehicles apart. Times are the node clock.
 """
 
@@ -8,19 +8,19 @@ from collections import Counter
 from collections.abc import Iterable
 from typing import Final
 
-from agents.actions import COORDINATION, Action, Offer
-from agents.capabilities.flight.errand import OrderProgress
-from agents.capabilities.flight.options import AvoidanceOptions
-from agents.capabilities.flight.pilot import Pilot
-from agents.capabilities.separation.answers import AvoidAnswers
-from agents.capabilities.separation.encounter_log import EncounterLog
-from agents.capabilities.separation.logic import SeparationLogic
-from agents.capabilities.separation.neighbourhood import Neighbourhood
-from agents.capabilities.separation.neither import NeitherAlarms
-from agents.capabilities.separation.often import PURSUES, PURSUES_US, REPORTS, REPORTS_US, Often
-from agents.capabilities.separation.reaction_times import ReactionTimes
-from agents.capabilities.separation.records import legs_text
-from agents.capabilities.separation.situation import (
+from dyknow.agents.actions import COORDINATION, Action, Offer
+from dyknow.agents.capabilities.flight.errand import OrderProgress
+from dyknow.agents.capabilities.flight.options import AvoidanceOptions
+from dyknow.agents.capabilities.flight.pilot import Pilot
+from dyknow.agents.capabilities.separation.answers import AvoidAnswers
+from dyknow.agents.capabilities.separation.encounter_log import EncounterLog
+from dyknow.agents.capabilities.separation.logic import SeparationLogic
+from dyknow.agents.capabilities.separation.neighbourhood import Neighbourhood
+from dyknow.agents.capabilities.separation.neither import NeitherAlarms
+from dyknow.agents.capabilities.separation.often import PURSUES, PURSUES_US, REPORTS, REPORTS_US, Often
+from dyknow.agents.capabilities.separation.reaction_times import ReactionTimes
+from dyknow.agents.capabilities.separation.records import legs_text
+from dyknow.agents.capabilities.separation.situation import (
     Fly,
     GoOn,
     LeaveTo,
@@ -30,15 +30,15 @@ from agents.capabilities.separation.situation import (
     Step,
     Waits,
 )
-from agents.capabilities.separation.situation_view import SituationView
-from agents.monitoring.coordination import Coordination
-from agents.monitoring.monitors import UnitMonitors
-from agents.part import Part
-from agents.ports import PartRegistry, Ports
+from dyknow.agents.capabilities.separation.situation_view import SituationView
+from dyknow.agents.monitoring.coordination import Coordination
+from dyknow.agents.monitoring.monitors import UnitMonitors
+from dyknow.agents.part import Part
+from dyknow.agents.ports import PartRegistry, Ports
+from dyknow.federation.messages.acts import Act, Performative
+from dyknow.federation.messages.contents import Avoid, Content, Reason
 from dyknow.model.errors import Refused
-from federation.messages.acts import Act, Performative
-from federation.messages.contents import Avoid, Content, Reason
-from reasoning import AlarmEvent
+from dyknow.reasoning import AlarmEvent
 
 ANSWER_WITHIN_US: Final = 1_000_000
 BLIND_LOOK_US: Final = 500_000

@@ -1,7 +1,7 @@
 """Which one yields, and when: one rule for everybody, for two vehicles or ten, in every mode. Federation time; no I/O.
 
 Two meet when their tubes lose the minima within `LOOK_S`. Of two the later in the total order of right of way yields
-(`navigation.intents.intent.RightOfWay`, then the name). For each vehicle that we meet:
+(`dyknow.navigation.intents.intent.RightOfWay`, then the name). For each vehicle that we meet:
 
     state      it is entered when                                            then
     EXPECTED   the other is later, and can                                   it yields; its manoeuvre is free of us: over
@@ -25,7 +25,7 @@ from typing import Final
 
 import numpy as np
 
-from agents.capabilities.separation.situation import (
+from dyknow.agents.capabilities.separation.situation import (
     Fly,
     GoOn,
     LeaveTo,
@@ -40,11 +40,11 @@ from agents.capabilities.separation.situation import (
     Step,
     Waits,
 )
-from federation.members.directory import unit_order
-from navigation.intents.candidates import PlannedManoeuvre, Yielding, plan, way_is_free
-from navigation.intents.intent import IntentEnding, IntentSource, RightOfWay
-from navigation.intents.meeting import MINIMA, clearance, closeness, first_meetings
-from navigation.intents.path import FlatMotion, Tube, fly
+from dyknow.federation.members.directory import unit_order
+from dyknow.navigation.intents.candidates import PlannedManoeuvre, Yielding, plan, way_is_free
+from dyknow.navigation.intents.intent import IntentEnding, IntentSource, RightOfWay
+from dyknow.navigation.intents.meeting import MINIMA, clearance, closeness, first_meetings
+from dyknow.navigation.intents.path import FlatMotion, Tube, fly
 
 LOOK_S: Final = 12.0
 """Meetings farther ahead are not acted on: until then much may change."""

@@ -8,28 +8,28 @@ node clock.
 from collections.abc import Iterable
 from typing import Final
 
-from agents.capabilities.flight.options import AvoidanceOptions
-from agents.capabilities.flight.peer_fixes import fix_of
-from agents.capabilities.flight.pilot import Pilot
-from agents.capabilities.separation.neighbours import Neighbour, Neighbours
-from agents.capabilities.separation.own.conformance import Conformance
-from agents.capabilities.separation.own.own_intent import OwnIntent
-from agents.capabilities.separation.records import INTENT, intent_of, intent_value
-from agents.capabilities.traffic.traffic import Traffic
-from agents.exchange.gateway import Gateway
-from agents.exchange.label_agreements import LabelAgreements
-from agents.exchange.local_instance import LocalInstance
-from agents.exchange.partners import Partners
-from agents.exchange.subscription_keeper import SubscriptionKeeper
-from agents.monitoring.coordination import Coordination
-from agents.part import Followed, Part, PeerChange
-from agents.places import Fix
-from agents.ports import PartRegistry, Ports
 from dyknow import NO_VALUE, Sample
-from federation.members.liveness import Departure, PlatformGone
-from federation.messages.descriptions import ConditionEntry, LabelEntry
-from navigation.intents.intent import IntendedPlace, Intent, RightOfWay
-from reasoning import SILENT_IN_THE_AIR, AlarmEvent
+from dyknow.agents.capabilities.flight.options import AvoidanceOptions
+from dyknow.agents.capabilities.flight.peer_fixes import fix_of
+from dyknow.agents.capabilities.flight.pilot import Pilot
+from dyknow.agents.capabilities.separation.neighbours import Neighbour, Neighbours
+from dyknow.agents.capabilities.separation.own.conformance import Conformance
+from dyknow.agents.capabilities.separation.own.own_intent import OwnIntent
+from dyknow.agents.capabilities.separation.records import INTENT, intent_of, intent_value
+from dyknow.agents.capabilities.traffic.traffic import Traffic
+from dyknow.agents.exchange.gateway import Gateway
+from dyknow.agents.exchange.label_agreements import LabelAgreements
+from dyknow.agents.exchange.local_instance import LocalInstance
+from dyknow.agents.exchange.partners import Partners
+from dyknow.agents.exchange.subscription_keeper import SubscriptionKeeper
+from dyknow.agents.monitoring.coordination import Coordination
+from dyknow.agents.part import Followed, Part, PeerChange
+from dyknow.agents.places import Fix
+from dyknow.agents.ports import PartRegistry, Ports
+from dyknow.federation.members.liveness import Departure, PlatformGone
+from dyknow.federation.messages.descriptions import ConditionEntry, LabelEntry
+from dyknow.navigation.intents.intent import IntendedPlace, Intent, RightOfWay
+from dyknow.reasoning import SILENT_IN_THE_AIR, AlarmEvent
 
 PERIOD_US: Final = 500_000
 LOOK_US: Final = 500_000

@@ -14,10 +14,10 @@ from typing import Final, NamedTuple
 import numpy as np
 import numpy.typing as npt
 
-from agents.places import Fix
-from navigation.geodesy import distance_m
-from navigation.intents.intent import Intent, IntentEnding, IntentSource, RightOfWay
-from navigation.intents.path import STEP_S, STEPS, FlatOrigin, Tube, contingent, later, nominal, resumed
+from dyknow.agents.places import Fix
+from dyknow.navigation.geodesy import distance_m
+from dyknow.navigation.intents.intent import Intent, IntentEnding, IntentSource, RightOfWay
+from dyknow.navigation.intents.path import STEP_S, STEPS, FlatOrigin, Tube, contingent, later, nominal, resumed
 
 SILENT_US: Final = 2_000_000
 """Time without an intent or position after which a member is silent: two intents a second are due."""

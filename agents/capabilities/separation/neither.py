@@ -2,8 +2,8 @@
 
 from collections.abc import Callable
 
-from agents.capabilities.separation.situation import Neither
-from reasoning import NEITHER_CAN_AVOID, AlarmEvent
+from dyknow.agents.capabilities.separation.situation import Neither
+from dyknow.reasoning import NEITHER_CAN_AVOID, AlarmEvent
 
 
 class NeitherAlarms:

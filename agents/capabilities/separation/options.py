@@ -4,7 +4,7 @@ from typing import Annotated
 
 from pydantic import Field
 
-from agents.options import Everywhere, OptionPath, Options
+from dyknow.agents.options import Everywhere, OptionPath, Options
 
 
 class EncounterOptions(Options):

@@ -4,7 +4,7 @@ from math import isfinite
 from typing import Final, TypeVar
 
 from dyknow import NO_VALUE, Sample, Value
-from navigation.intents.intent import (
+from dyknow.navigation.intents.intent import (
     MOST_LEGS,
     Contingency,
     IntendedPlace,

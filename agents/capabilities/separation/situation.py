@@ -1,18 +1,18 @@
-"""Inputs, state and decisions of the rule of `agents.capabilities.separation.logic`, as values."""
+"""Inputs, state and decisions of the rule of `dyknow.agents.capabilities.separation.logic`, as values."""
 
 from collections.abc import Mapping
 from dataclasses import dataclass, field
 from enum import Enum
 from typing import NamedTuple, TypeAlias
 
-from agents.capabilities.separation.neighbours import Neighbour, Traffic3D
-from navigation.intents.candidates import Allowed, PlannedManoeuvre
-from navigation.intents.intent import IntentEnding, RightOfWay
-from navigation.intents.path import FlatMotion, FlatPlace, Performance
+from dyknow.agents.capabilities.separation.neighbours import Neighbour, Traffic3D
+from dyknow.navigation.intents.candidates import Allowed, PlannedManoeuvre
+from dyknow.navigation.intents.intent import IntentEnding, RightOfWay
+from dyknow.navigation.intents.path import FlatMotion, FlatPlace, Performance
 
 
 class MeetingState(Enum):
-    """State of a meeting; see `agents.capabilities.separation.logic`."""
+    """State of a meeting; see `dyknow.agents.capabilities.separation.logic`."""
 
     EXPECTED = "the other yields"
     MINE = "ours"
@@ -21,7 +21,7 @@ class MeetingState(Enum):
 
 
 class ManoeuvreState(Enum):
-    """State of our manoeuvre; see `agents.capabilities.separation.logic`."""
+    """State of our manoeuvre; see `dyknow.agents.capabilities.separation.logic`."""
 
     PROPOSED = "proposed"
     FLOWN = "flown"

@@ -8,14 +8,14 @@ from collections.abc import Iterable, Sequence
 from functools import partial
 from typing import Final
 
-from agents.capabilities.flight.pilot import Pilot
-from agents.capabilities.separation.logic import STEPS, SeparationLogic
-from agents.capabilities.separation.neighbourhood import Neighbourhood
-from agents.capabilities.separation.neighbours import Traffic3D
-from agents.capabilities.separation.situation import Situation
-from agents.places import Fix
-from navigation.intents.intent import IntendedPlace, IntentEnding, RightOfWay
-from navigation.intents.path import (
+from dyknow.agents.capabilities.flight.pilot import Pilot
+from dyknow.agents.capabilities.separation.logic import STEPS, SeparationLogic
+from dyknow.agents.capabilities.separation.neighbourhood import Neighbourhood
+from dyknow.agents.capabilities.separation.neighbours import Traffic3D
+from dyknow.agents.capabilities.separation.situation import Situation
+from dyknow.agents.places import Fix
+from dyknow.navigation.intents.intent import IntendedPlace, IntentEnding, RightOfWay
+from dyknow.navigation.intents.path import (
     STEP_S,
     FlatMotion,
     FlatOrigin,

@@ -1,10 +1,10 @@
 """Aircraft that are no members."""
 
-from agents.capabilities.capability import Capability, Group, PartClasses, Stage, always
+from dyknow.agents.capabilities.capability import Capability, Group, PartClasses, Stage, always
 
 
 def _parts() -> PartClasses:
-    from agents.capabilities.traffic.traffic import Traffic
+    from dyknow.agents.capabilities.traffic.traffic import Traffic
 
     return (Traffic,)
 

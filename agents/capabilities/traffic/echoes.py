@@ -10,8 +10,8 @@ from collections.abc import Iterable
 from dataclasses import dataclass, field
 from typing import Final, NamedTuple
 
-from navigation.geodesy import distance_m
-from navigation.traffic import TrafficState
+from dyknow.navigation.geodesy import distance_m
+from dyknow.navigation.traffic import TrafficState
 
 ALIKE: Final = 5
 WAY_M: Final = 10.0

@@ -3,9 +3,9 @@
 from typing import Any, Final
 
 from dyknow import NO_VALUE, Sample, Value
-from navigation.geodesy import metres_per_degree
-from navigation.heard_aircraft import HeardAircraft
-from navigation.traffic import TrafficState, identity_of
+from dyknow.navigation.geodesy import metres_per_degree
+from dyknow.navigation.heard_aircraft import HeardAircraft
+from dyknow.navigation.traffic import TrafficState, identity_of
 
 TRAFFIC: Final = "traffic"
 """The semantic label, and the feature of each local stream that feeds the picture."""

@@ -9,26 +9,26 @@ from collections import Counter
 from collections.abc import Callable, Iterable
 from typing import Final
 
-from agents.capabilities.flight.pilot import Pilot
-from agents.capabilities.traffic.echoes import MemberEchoes, MemberState
-from agents.capabilities.traffic.records import TRAFFIC, ended_value, heard_of, traffic_value
-from agents.capabilities.traffic.watch import PROFILE, AircraftWatch
-from agents.effects import Reported
-from agents.exchange.label_agreements import LabelAgreements
-from agents.exchange.local_instance import LocalInstance
-from agents.exchange.partners import Partners
-from agents.exchange.subscription_keeper import SubscriptionKeeper
-from agents.part import NOT_MINE, Followed, Part, PeerChange
-from agents.ports import PartRegistry, Ports
 from dyknow import NO_VALUE, Label, Policy, Quality, Sample
+from dyknow.agents.capabilities.flight.pilot import Pilot
+from dyknow.agents.capabilities.traffic.echoes import MemberEchoes, MemberState
+from dyknow.agents.capabilities.traffic.records import TRAFFIC, ended_value, heard_of, traffic_value
+from dyknow.agents.capabilities.traffic.watch import PROFILE, AircraftWatch
+from dyknow.agents.effects import Reported
+from dyknow.agents.exchange.label_agreements import LabelAgreements
+from dyknow.agents.exchange.local_instance import LocalInstance
+from dyknow.agents.exchange.partners import Partners
+from dyknow.agents.exchange.subscription_keeper import SubscriptionKeeper
+from dyknow.agents.part import NOT_MINE, Followed, Part, PeerChange
+from dyknow.agents.ports import PartRegistry, Ports
+from dyknow.federation.members.offers import LabelAppeared, LabelGone
+from dyknow.federation.messages.descriptions import ConditionEntry, LabelEntry
 from dyknow.model.sample import Predicted
+from dyknow.navigation.geodesy import metres_per_degree
+from dyknow.navigation.traffic import TrafficPicture, TrafficState
+from dyknow.navigation.vehicle import TrafficReport
 from dyknow.network.stream_proxy import StreamProxy
-from federation.members.offers import LabelAppeared, LabelGone
-from federation.messages.descriptions import ConditionEntry, LabelEntry
-from navigation.geodesy import metres_per_degree
-from navigation.traffic import TrafficPicture, TrafficState
-from navigation.vehicle import TrafficReport
-from reasoning import builtin_profiles
+from dyknow.reasoning import builtin_profiles
 
 PERIOD_US: Final = 500_000
 IMPORTED_US: Final = 1_000_000

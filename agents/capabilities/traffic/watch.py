@@ -7,13 +7,13 @@ An aircraft of unknown velocity is taken to stay where it is.
 from collections.abc import Callable, Iterable
 from typing import Final
 
-from agents.capabilities.traffic.echoes import MemberState
 from dyknow import NO_VALUE, Value
+from dyknow.agents.capabilities.traffic.echoes import MemberState
+from dyknow.kpl import profile_formula
 from dyknow.model.errors import UnitError
-from kpl import profile_formula
-from navigation.traffic import TrafficState
-from reasoning import AlarmEvent, Derivation, Monitor, instantiate, required_labels, split_growing
-from reasoning.monitoring.profiles import AIRCRAFT, Profile
+from dyknow.navigation.traffic import TrafficState
+from dyknow.reasoning import AlarmEvent, Derivation, Monitor, instantiate, required_labels, split_growing
+from dyknow.reasoning.monitoring.profiles import AIRCRAFT, Profile
 
 PROFILE: Final = "traffic-well-clear"
 

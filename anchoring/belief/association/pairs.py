@@ -6,11 +6,11 @@ from typing import Final, NamedTuple
 
 import numpy as np
 
-from anchoring.belief.arrays import Floats, Indices
-from anchoring.belief.description import POSITION
-from anchoring.belief.gaussians import Innovations, determinants
-from anchoring.belief.instances import InstanceTable
-from anchoring.belief.observations import EncodedLook
+from dyknow.anchoring.belief.arrays import Floats, Indices
+from dyknow.anchoring.belief.description import POSITION
+from dyknow.anchoring.belief.gaussians import Innovations, determinants
+from dyknow.anchoring.belief.instances import InstanceTable
+from dyknow.anchoring.belief.observations import EncodedLook
 
 FAINTEST: Final = 1e-100
 """Intensities of births and clutter that are less are none."""

@@ -11,7 +11,7 @@ from typing import Final, NamedTuple
 
 import numpy as np
 
-from anchoring.belief.arrays import Flags, Floats, Indices
+from dyknow.anchoring.belief.arrays import Flags, Floats, Indices
 
 _CLOSE, _CONVERGED, _SWEEPS, _TREE_SWEEPS = 1e-5, 1e-13, 50, 2_000
 _SAFE = 1e6

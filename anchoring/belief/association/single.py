@@ -13,7 +13,7 @@ from typing import Final, NamedTuple
 
 import numpy as np
 
-from anchoring.belief.arrays import Floats
+from dyknow.anchoring.belief.arrays import Floats
 
 MOST_DETECTION: Final = 1.0 - 1e-9
 MOST_EXISTENCE: Final = 1.0 - 1e-12

@@ -6,8 +6,8 @@ from typing import Final
 
 import numpy as np
 
-from anchoring.belief.arrays import Floats
-from anchoring.belief.description import (
+from dyknow.anchoring.belief.arrays import Floats
+from dyknow.anchoring.belief.description import (
     POSITION,
     CategoricalAttribute,
     GaussianAttribute,
@@ -15,7 +15,7 @@ from anchoring.belief.description import (
     RelationKind,
     uniform,
 )
-from anchoring.belief.files.tables import WorldTable
+from dyknow.anchoring.belief.files.tables import WorldTable
 
 ORDERS: Final = {"place": 1, "velocity": 2, "acceleration": 3}
 RESERVED: Final = frozenset(

@@ -4,11 +4,11 @@ from functools import lru_cache
 from hashlib import sha256
 from typing import NamedTuple
 
-from anchoring.belief.description import WorldModel
-from anchoring.belief.files.knowledge import read_knowledge
-from anchoring.belief.files.models import read_world_model
-from anchoring.belief.knowledge.memory import PriorKnowledge
-from anchoring.belief.knowledge.ontology import KnowledgeBundle
+from dyknow.anchoring.belief.description import WorldModel
+from dyknow.anchoring.belief.files.knowledge import read_knowledge
+from dyknow.anchoring.belief.files.models import read_world_model
+from dyknow.anchoring.belief.knowledge.memory import PriorKnowledge
+from dyknow.anchoring.belief.knowledge.ontology import KnowledgeBundle
 from dyknow.model.errors import TextError, TextErrors, WrongCall
 
 

@@ -4,12 +4,12 @@ from typing import Final
 
 import numpy as np
 
-from anchoring.belief.arrays import Floats
-from anchoring.belief.description import CategoricalAttribute, GaussianAttribute, WorldModel
-from anchoring.belief.files.attributes import read_region
-from anchoring.belief.files.models import read_beliefs
-from anchoring.belief.files.tables import WorldTable
-from anchoring.belief.knowledge.ontology import (
+from dyknow.anchoring.belief.arrays import Floats
+from dyknow.anchoring.belief.description import CategoricalAttribute, GaussianAttribute, WorldModel
+from dyknow.anchoring.belief.files.attributes import read_region
+from dyknow.anchoring.belief.files.models import read_beliefs
+from dyknow.anchoring.belief.files.tables import WorldTable
+from dyknow.anchoring.belief.knowledge.ontology import (
     ACTIONS,
     REFUSE,
     REPAIR,
@@ -20,7 +20,7 @@ from anchoring.belief.knowledge.ontology import (
     left_nothing,
     lineage,
 )
-from anchoring.belief.observations import TYPE
+from dyknow.anchoring.belief.observations import TYPE
 from dyknow.documents.documents import toml_document
 
 EXAMPLE: Final = "[classes.cup], [[rules]] and [[known]]"

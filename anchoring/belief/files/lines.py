@@ -17,12 +17,12 @@ from typing import Any, Final, NamedTuple
 
 import numpy as np
 
-from anchoring.belief.arrays import Floats
-from anchoring.belief.description import ALTITUDE, POSITION, CategoricalAttribute, GaussianAttribute, WorldModel
-from anchoring.belief.files.models import HIGHEST_M, is_covariance
-from anchoring.belief.observations import TYPE, ReportedRelation, WorldObservation
-from anchoring.percepts.reading import FARTHEST_GEOGRAPHIC_M
 from dyknow import US_PER_MS, US_PER_S
+from dyknow.anchoring.belief.arrays import Floats
+from dyknow.anchoring.belief.description import ALTITUDE, POSITION, CategoricalAttribute, GaussianAttribute, WorldModel
+from dyknow.anchoring.belief.files.models import HIGHEST_M, is_covariance
+from dyknow.anchoring.belief.observations import TYPE, ReportedRelation, WorldObservation
+from dyknow.anchoring.percepts.reading import FARTHEST_GEOGRAPHIC_M
 from dyknow.documents.json_lines import JsonLine
 from dyknow.model.errors import TextError, did_you_mean
 

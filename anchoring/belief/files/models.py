@@ -6,8 +6,8 @@ from typing import Final
 
 import numpy as np
 
-from anchoring.belief.arrays import Floats
-from anchoring.belief.description import (
+from dyknow.anchoring.belief.arrays import Floats
+from dyknow.anchoring.belief.description import (
     EVENT,
     POSITION,
     READINGS,
@@ -21,7 +21,7 @@ from anchoring.belief.description import (
     WorldModel,
     WorldSensor,
 )
-from anchoring.belief.files.attributes import (
+from dyknow.anchoring.belief.files.attributes import (
     LEAST_SD,
     MOST_SD,
     RESERVED,
@@ -31,10 +31,10 @@ from anchoring.belief.files.attributes import (
     read_relations,
     read_types,
 )
-from anchoring.belief.files.tables import WorldTable
-from anchoring.belief.sensing import trusted
+from dyknow.anchoring.belief.files.tables import WorldTable
+from dyknow.anchoring.belief.sensing import trusted
 from dyknow.documents.documents import toml_document
-from navigation import LocalFrame
+from dyknow.navigation import LocalFrame
 
 HIGHEST_M: Final = 1e5
 EXAMPLE: Final = "[region], [types.car], [attributes.position_m] and [sensors.camera], one table each"

@@ -5,7 +5,7 @@ from typing import Any
 
 import numpy as np
 
-from anchoring.belief.arrays import Floats
+from dyknow.anchoring.belief.arrays import Floats
 from dyknow.documents.tables import DocumentTable, is_number
 from dyknow.model.errors import did_you_mean
 

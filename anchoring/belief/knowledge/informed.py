@@ -12,15 +12,15 @@ from typing import Final, NamedTuple
 
 import numpy as np
 
-from anchoring.belief.arrays import Indices
-from anchoring.belief.description import POSITION, GaussianAttribute, WorldSensor
-from anchoring.belief.environment import EnvironmentModel
-from anchoring.belief.knowledge.matching import complete, fill, is_unknown, match
-from anchoring.belief.knowledge.memory import PriorKnowledge
-from anchoring.belief.knowledge.ontology import REFUSE, Area, ClassRule, KnownInstance, members
-from anchoring.belief.knowledge.rules import check, of_relations, repair
-from anchoring.belief.observations import TYPE, WorldObservation
-from anchoring.belief.reports import CONFIRMED, CREATED, DELETED, LifeEvent, UpdateReport
+from dyknow.anchoring.belief.arrays import Indices
+from dyknow.anchoring.belief.description import POSITION, GaussianAttribute, WorldSensor
+from dyknow.anchoring.belief.environment import EnvironmentModel
+from dyknow.anchoring.belief.knowledge.matching import complete, fill, is_unknown, match
+from dyknow.anchoring.belief.knowledge.memory import PriorKnowledge
+from dyknow.anchoring.belief.knowledge.ontology import REFUSE, Area, ClassRule, KnownInstance, members
+from dyknow.anchoring.belief.knowledge.rules import check, of_relations, repair
+from dyknow.anchoring.belief.observations import TYPE, WorldObservation
+from dyknow.anchoring.belief.reports import CONFIRMED, CREATED, DELETED, LifeEvent, UpdateReport
 
 LOADED, UNLOADED, COMPLETED = "loaded", "unloaded", "completed"
 MATCHED, REFUSED, REPAIRED, LEARNT = "matched", "refused", "repaired", "learnt"

@@ -14,12 +14,12 @@ from math import log
 
 import numpy as np
 
-from anchoring.belief.arrays import Floats
-from anchoring.belief.categories import CategoricalBeliefs
-from anchoring.belief.gaussians import GaussianBeliefs, log_normal
-from anchoring.belief.instances import InstanceTable
-from anchoring.belief.knowledge.ontology import KnownInstance
-from anchoring.belief.observations import TYPE
+from dyknow.anchoring.belief.arrays import Floats
+from dyknow.anchoring.belief.categories import CategoricalBeliefs
+from dyknow.anchoring.belief.gaussians import GaussianBeliefs, log_normal
+from dyknow.anchoring.belief.instances import InstanceTable
+from dyknow.anchoring.belief.knowledge.ontology import KnownInstance
+from dyknow.anchoring.belief.observations import TYPE
 
 _SAME = 1e-6
 

@@ -6,8 +6,8 @@ from typing import Final
 
 import numpy as np
 
-from anchoring.belief.arrays import Flags, Floats
-from anchoring.belief.knowledge.ontology import (
+from dyknow.anchoring.belief.arrays import Flags, Floats
+from dyknow.anchoring.belief.knowledge.ontology import (
     Area,
     ClassRule,
     KnowledgeBundle,

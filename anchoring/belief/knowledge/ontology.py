@@ -6,7 +6,7 @@ from typing import Final, NamedTuple
 
 import numpy as np
 
-from anchoring.belief.arrays import Floats, Indices
+from dyknow.anchoring.belief.arrays import Floats, Indices
 
 REFUSE, REPAIR = "refuse", "repair"
 ACTIONS: Final = (REPAIR, REFUSE)

@@ -16,10 +16,10 @@ from typing import NamedTuple, TypeAlias
 
 import numpy as np
 
-from anchoring.belief.arrays import Floats, Indices
-from anchoring.belief.instances import InstanceTable
-from anchoring.belief.knowledge.ontology import ClassRule
-from anchoring.belief.observations import TYPE
+from dyknow.anchoring.belief.arrays import Floats, Indices
+from dyknow.anchoring.belief.instances import InstanceTable
+from dyknow.anchoring.belief.knowledge.ontology import ClassRule
+from dyknow.anchoring.belief.observations import TYPE
 
 _LEAST = 1e-9
 Relation: TypeAlias = tuple[str, str, str]

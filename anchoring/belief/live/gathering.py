@@ -9,9 +9,9 @@ from collections import Counter
 from collections.abc import Sequence
 from typing import Final, NamedTuple
 
-from anchoring.belief.arrays import Floats
-from anchoring.links.structures import Percept
 from dyknow import US_PER_S
+from dyknow.anchoring.belief.arrays import Floats
+from dyknow.anchoring.links.structures import Percept
 
 PATIENCE_US: Final = 400_000
 VIEW_LASTS_US: Final = US_PER_S

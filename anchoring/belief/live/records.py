@@ -9,14 +9,14 @@ from collections.abc import Mapping
 from math import sqrt
 from typing import Final
 
-from anchoring.belief.arrays import Floats
-from anchoring.belief.description import POSITION
-from anchoring.belief.live.watch import ReportedBelief
-from anchoring.percepts.records import GEOGRAPHIC
 from dyknow import NO_VALUE, Sort, Value
+from dyknow.anchoring.belief.arrays import Floats
+from dyknow.anchoring.belief.description import POSITION
+from dyknow.anchoring.belief.live.watch import ReportedBelief
+from dyknow.anchoring.percepts.records import GEOGRAPHIC
 from dyknow.model.sample import Quality
 from dyknow.model.values import END, SYMBOL, Field
-from navigation import LocalFrame
+from dyknow.navigation import LocalFrame
 
 BELIEF: Final = "belief"
 BELIEF_SORT: Final = Sort(

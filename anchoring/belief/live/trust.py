@@ -14,9 +14,9 @@ from typing import Final, NamedTuple
 
 import numpy as np
 
-from anchoring.belief.arrays import Floats
-from anchoring.belief.description import WorldSensor
 from dyknow import US_PER_S
+from dyknow.anchoring.belief.arrays import Floats
+from dyknow.anchoring.belief.description import WorldSensor
 
 MEMORY_US: Final = 30 * US_PER_S
 CAUTION: Final = 20.0

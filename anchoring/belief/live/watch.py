@@ -12,11 +12,12 @@ from typing import Final, NamedTuple
 
 import numpy as np
 
-from anchoring.belief.arrays import Floats
-from anchoring.belief.cameras import CameraSensor
-from anchoring.belief.description import POSITION, WorldModel
-from anchoring.belief.environment import EnvironmentModel
-from anchoring.belief.knowledge.informed import (
+from dyknow import US_PER_S
+from dyknow.anchoring.belief.arrays import Floats
+from dyknow.anchoring.belief.cameras import CameraSensor
+from dyknow.anchoring.belief.description import POSITION, WorldModel
+from dyknow.anchoring.belief.environment import EnvironmentModel
+from dyknow.anchoring.belief.knowledge.informed import (
     LEARNT,
     LOADED,
     MATCHED,
@@ -25,11 +26,11 @@ from anchoring.belief.knowledge.informed import (
     UNLOADED,
     InformedModel,
 )
-from anchoring.belief.knowledge.memory import PriorKnowledge
-from anchoring.belief.knowledge.ontology import KnowledgeBundle
-from anchoring.belief.live.gathering import SourceLook
-from anchoring.belief.live.trust import TrustInSource
-from anchoring.belief.reports import (
+from dyknow.anchoring.belief.knowledge.memory import PriorKnowledge
+from dyknow.anchoring.belief.knowledge.ontology import KnowledgeBundle
+from dyknow.anchoring.belief.live.gathering import SourceLook
+from dyknow.anchoring.belief.live.trust import TrustInSource
+from dyknow.anchoring.belief.reports import (
     CONFIRMED,
     DELETED,
     LATE,
@@ -41,8 +42,7 @@ from anchoring.belief.reports import (
     LifeEvent,
     UpdateReport,
 )
-from anchoring.belief.sensing import in_view, trusted
-from dyknow import US_PER_S
+from dyknow.anchoring.belief.sensing import in_view, trusted
 
 RENEWED_US: Final = US_PER_S
 MOST_REPORTED: Final = 256

@@ -16,10 +16,10 @@ from typing import Final, NamedTuple
 
 import numpy as np
 
-from anchoring.links.assignment import assigned
-from anchoring.links.objects import LastSeen, LinkObject, ObjectLink
-from anchoring.links.specification import filtered
-from anchoring.links.states import ObjectState
+from dyknow.anchoring.links.assignment import assigned
+from dyknow.anchoring.links.objects import LastSeen, LinkObject, ObjectLink
+from dyknow.anchoring.links.specification import filtered
+from dyknow.anchoring.links.states import ObjectState
 
 LEAST_WEIGHT: Final = 0.02
 OPEN_WEIGHT: Final = 0.1

@@ -4,14 +4,14 @@ from collections.abc import Callable
 from math import inf
 from typing import Final, NamedTuple, TypeAlias
 
-from anchoring.links.deciding.context import ALONE, DOMAIN, ConditionContext, read_state
-from anchoring.links.deciding.gating import gate_of
-from anchoring.links.prediction import ObjectPrediction
-from anchoring.links.specification import ALWAYS_TRUE, DISTANCES, FROM, THRESHOLD, TO, LinkSpecification
-from anchoring.links.states import ObjectState
 from dyknow import NO_VALUE, Label, Value
-from reasoning import Progressing, make_progression, required_labels
-from reasoning.formulas.tree import Exists, Forall, Formula, event_labels, walk
+from dyknow.anchoring.links.deciding.context import ALONE, DOMAIN, ConditionContext, read_state
+from dyknow.anchoring.links.deciding.gating import gate_of
+from dyknow.anchoring.links.prediction import ObjectPrediction
+from dyknow.anchoring.links.specification import ALWAYS_TRUE, DISTANCES, FROM, THRESHOLD, TO, LinkSpecification
+from dyknow.anchoring.links.states import ObjectState
+from dyknow.reasoning import Progressing, make_progression, required_labels
+from dyknow.reasoning.formulas.tree import Exists, Forall, Formula, event_labels, walk
 
 Reading: TypeAlias = Callable[[ObjectState, ObjectPrediction | None], Value]
 """The value of one label: of the state of `from` and the whereabouts of `to`, None where there is no `to`."""

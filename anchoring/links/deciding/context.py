@@ -3,11 +3,11 @@
 from collections.abc import Mapping
 from typing import Final, Protocol
 
-from anchoring.links.assignment import natural
-from anchoring.links.objects import LinkObject
-from anchoring.links.specification import DISTANCES, StateFeature
-from anchoring.links.states import ObjectState
 from dyknow import NO_VALUE, Label, Value
+from dyknow.anchoring.links.assignment import natural
+from dyknow.anchoring.links.objects import LinkObject
+from dyknow.anchoring.links.specification import DISTANCES, StateFeature
+from dyknow.anchoring.links.states import ObjectState
 
 DOMAIN: Final = ".objects"
 STATE_FEATURES: Final[Mapping[str, StateFeature]] = {

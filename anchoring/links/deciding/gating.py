@@ -10,9 +10,9 @@ A bound is derived from the formula, and only where leaving out the far states c
 from math import inf, nextafter
 from typing import NamedTuple
 
-from anchoring.links.specification import DISTANCES, FROM, THRESHOLD, TO
-from reasoning.formulas import tree
-from reasoning.formulas.tree import Formula
+from dyknow.anchoring.links.specification import DISTANCES, FROM, THRESHOLD, TO
+from dyknow.reasoning.formulas import tree
+from dyknow.reasoning.formulas.tree import Formula
 
 
 class Gate(NamedTuple):

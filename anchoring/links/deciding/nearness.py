@@ -4,8 +4,8 @@ from collections import defaultdict
 from collections.abc import Collection, Iterator, Mapping
 from math import floor
 
-from anchoring.links.prediction import ObjectPrediction
-from anchoring.links.states import ObjectState
+from dyknow.anchoring.links.prediction import ObjectPrediction
+from dyknow.anchoring.links.states import ObjectState
 
 
 class NearObjects:

@@ -2,10 +2,10 @@
 
 from typing import Protocol
 
-from anchoring.links.deciding.context import ConditionContext
-from anchoring.links.objects import EventKind, LinkObject, LinkReason, ObjectLink
-from anchoring.links.prediction import ObjectPrediction
-from anchoring.links.states import ObjectState
+from dyknow.anchoring.links.deciding.context import ConditionContext
+from dyknow.anchoring.links.objects import EventKind, LinkObject, LinkReason, ObjectLink
+from dyknow.anchoring.links.prediction import ObjectPrediction
+from dyknow.anchoring.links.states import ObjectState
 
 
 class LinkPorts(Protocol):

@@ -4,12 +4,12 @@ from collections.abc import Iterable, Mapping
 from math import log, pi
 from typing import Final
 
-from anchoring.links.deciding.conditions import PairCondition, Thresh
-from anchoring.links.deciding.gating import Gate, gate_of
-from anchoring.links.motion import Spacing
-from anchoring.links.prediction import ObjectPrediction
-from anchoring.links.specification import LinkSpecification
-from anchoring.links.states import ObjectState
+from dyknow.anchoring.links.deciding.conditions import PairCondition, Thresh
+from dyknow.anchoring.links.deciding.gating import Gate, gate_of
+from dyknow.anchoring.links.motion import Spacing
+from dyknow.anchoring.links.prediction import ObjectPrediction
+from dyknow.anchoring.links.specification import LinkSpecification
+from dyknow.anchoring.links.states import ObjectState
 
 _ALONE: Final = 0.5
 """The score of being none of the known objects, where that is weighed: an unlikely pair rather than none."""

@@ -11,14 +11,14 @@ from collections.abc import Callable, Iterator
 from dataclasses import dataclass
 from typing import Final
 
-from anchoring.links.deciding.conditions import Ends, PairCondition
-from anchoring.links.deciding.waiting import ReestablishPair, Unlinked
-from anchoring.links.motion import loosened
-from anchoring.links.objects import LastSeen, LinkObject, ObjectLink
-from anchoring.links.specification import LinkSpecification, filtered, unlikely
-from anchoring.links.states import UNMEASURED, ObjectState
 from dyknow import US_PER_S
-from reasoning import Progressing
+from dyknow.anchoring.links.deciding.conditions import Ends, PairCondition
+from dyknow.anchoring.links.deciding.waiting import ReestablishPair, Unlinked
+from dyknow.anchoring.links.motion import loosened
+from dyknow.anchoring.links.objects import LastSeen, LinkObject, ObjectLink
+from dyknow.anchoring.links.specification import LinkSpecification, filtered, unlikely
+from dyknow.anchoring.links.states import UNMEASURED, ObjectState
+from dyknow.reasoning import Progressing
 
 LASTS_US: Final = 2 * US_PER_S
 _TAKEN_BACK, _KEPT = -2.0, 8.0

@@ -3,8 +3,8 @@
 from bisect import bisect_left
 from typing import Final, NamedTuple
 
-from anchoring.links.states import ObjectState
-from reasoning import Progressing
+from dyknow.anchoring.links.states import ObjectState
+from dyknow.reasoning import Progressing
 
 _MOST_TIMES: Final = 1024
 

@@ -13,16 +13,16 @@ from collections.abc import Iterable, Mapping
 from dataclasses import replace
 from typing import Final, NamedTuple
 
-from anchoring.links.assignment import natural
-from anchoring.links.deciding.conditions import PairCondition
-from anchoring.links.objects import LinkObject, LinkReason
-from anchoring.links.prediction import ObjectPrediction, certain
-from anchoring.links.specification import FROM, LinkSpecification
-from anchoring.links.states import ObjectState
 from dyknow import NO_VALUE, Value
-from reasoning import Progressing
-from reasoning.formulas.evaluation import TRUE, EvaluationCompiler
-from reasoning.formulas.tree import (
+from dyknow.anchoring.links.assignment import natural
+from dyknow.anchoring.links.deciding.conditions import PairCondition
+from dyknow.anchoring.links.objects import LinkObject, LinkReason
+from dyknow.anchoring.links.prediction import ObjectPrediction, certain
+from dyknow.anchoring.links.specification import FROM, LinkSpecification
+from dyknow.anchoring.links.states import ObjectState
+from dyknow.reasoning import Progressing
+from dyknow.reasoning.formulas.evaluation import TRUE, EvaluationCompiler
+from dyknow.reasoning.formulas.tree import (
     Always,
     And,
     Compare,

@@ -4,12 +4,12 @@ import math
 from collections.abc import Sequence
 from typing import Final, NamedTuple
 
-from anchoring.roads.elements import Crossing, RoadArea, RoadLink
-from anchoring.roads.files.problems import Problems
-from anchoring.roads.geometry import Point2
-from anchoring.roads.network import RoadNetwork
+from dyknow.anchoring.roads.elements import Crossing, RoadArea, RoadLink
+from dyknow.anchoring.roads.files.problems import Problems
+from dyknow.anchoring.roads.geometry import Point2
+from dyknow.anchoring.roads.network import RoadNetwork
 from dyknow.model.errors import did_you_mean
-from navigation.geodesy import LocalFrame
+from dyknow.navigation.geodesy import LocalFrame
 
 MOST_SUGGESTED_FROM: Final = 200
 """A name is compared with the known ones if they are no more than this."""

@@ -3,12 +3,12 @@
 import re
 from typing import Final
 
-from anchoring.roads.files.geojson import survey_roads
-from anchoring.roads.files.openstreetmap import survey_openstreetmap
-from anchoring.roads.files.others import OF_ROOTS
-from anchoring.roads.files.problems import RoadSurvey
-from anchoring.roads.files.sumo import survey_sumo
-from anchoring.roads.network import RoadNetwork
+from dyknow.anchoring.roads.files.geojson import survey_roads
+from dyknow.anchoring.roads.files.openstreetmap import survey_openstreetmap
+from dyknow.anchoring.roads.files.others import OF_ROOTS
+from dyknow.anchoring.roads.files.problems import RoadSurvey
+from dyknow.anchoring.roads.files.sumo import survey_sumo
+from dyknow.anchoring.roads.network import RoadNetwork
 
 GEOJSON, OPENSTREETMAP, SUMO = "GeoJSON", "OpenStreetMap", "SUMO"
 _BEGINNING: Final = 2**16

@@ -18,12 +18,12 @@ from collections.abc import Callable, Iterator, Mapping, Sequence
 from statistics import median
 from typing import Any, Final, NamedTuple
 
-from anchoring.roads.elements import Crossing, Lane, RoadArea, RoadLink
-from anchoring.roads.files.assembly import Assembly
-from anchoring.roads.files.lanes import MOST_LANES, even_lanes, offset_lanes
-from anchoring.roads.files.problems import MOST_BYTES, FeatureError, Problems, RoadSurvey, Tries
-from anchoring.roads.geometry import Point2, Polyline
-from navigation.geodesy import LocalFrame
+from dyknow.anchoring.roads.elements import Crossing, Lane, RoadArea, RoadLink
+from dyknow.anchoring.roads.files.assembly import Assembly
+from dyknow.anchoring.roads.files.lanes import MOST_LANES, even_lanes, offset_lanes
+from dyknow.anchoring.roads.files.problems import MOST_BYTES, FeatureError, Problems, RoadSurvey, Tries
+from dyknow.anchoring.roads.geometry import Point2, Polyline
+from dyknow.navigation.geodesy import LocalFrame
 
 MOST_FEATURES: Final = 1_000_000
 FARTHEST_M: Final = 500_000.0

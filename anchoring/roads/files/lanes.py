@@ -4,7 +4,7 @@ from collections.abc import Sequence
 from functools import lru_cache
 from typing import Final
 
-from anchoring.roads.elements import Lane
+from dyknow.anchoring.roads.elements import Lane
 
 MOST_LANES: Final = 32
 

@@ -12,15 +12,15 @@ from collections.abc import Iterator, Mapping, Sequence
 from typing import Final, NamedTuple
 from xml.etree.ElementTree import Element
 
-from anchoring.roads.elements import Crossing, RoadLink
-from anchoring.roads.files.assembly import Assembly
-from anchoring.roads.files.geojson import FARTHEST_M
-from anchoring.roads.files.lanes import MOST_LANES, even_lanes
-from anchoring.roads.files.others import LANELETS
-from anchoring.roads.files.problems import Problems, RoadSurvey
-from anchoring.roads.files.xml_elements import elements
-from anchoring.roads.geometry import Point2, Polyline
-from navigation.geodesy import LocalFrame
+from dyknow.anchoring.roads.elements import Crossing, RoadLink
+from dyknow.anchoring.roads.files.assembly import Assembly
+from dyknow.anchoring.roads.files.geojson import FARTHEST_M
+from dyknow.anchoring.roads.files.lanes import MOST_LANES, even_lanes
+from dyknow.anchoring.roads.files.others import LANELETS
+from dyknow.anchoring.roads.files.problems import Problems, RoadSurvey
+from dyknow.anchoring.roads.files.xml_elements import elements
+from dyknow.anchoring.roads.geometry import Point2, Polyline
+from dyknow.navigation.geodesy import LocalFrame
 
 SPEEDS_KM_H: Final = {
     "motorway": 120, "motorway_link": 80, "trunk": 100, "trunk_link": 70, "primary": 70, "primary_link": 50,

@@ -3,10 +3,10 @@
 from collections import Counter
 from typing import Final, NamedTuple
 
-from anchoring.roads.elements import LEAVE, DirectedLink
-from anchoring.roads.files.problems import WARNING, RoadProblem
-from anchoring.roads.network import RoadNetwork
-from anchoring.roads.turns import LEFT, RIGHT, STRAIGHT, UTURN
+from dyknow.anchoring.roads.elements import LEAVE, DirectedLink
+from dyknow.anchoring.roads.files.problems import WARNING, RoadProblem
+from dyknow.anchoring.roads.network import RoadNetwork
+from dyknow.anchoring.roads.turns import LEFT, RIGHT, STRAIGHT, UTURN
 
 STABLE_S: Final = 0.5
 """A car is on a link once it has been there for so long: the filter behind its link and its crossing."""

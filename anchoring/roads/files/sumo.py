@@ -10,12 +10,12 @@ from itertools import accumulate
 from typing import Final
 from xml.etree.ElementTree import Element
 
-from anchoring.roads.elements import Crossing, Lane, RoadLink
-from anchoring.roads.files.assembly import Assembly
-from anchoring.roads.files.geojson import FARTHEST_M
-from anchoring.roads.files.problems import FeatureError, Problems, RoadSurvey
-from anchoring.roads.files.xml_elements import elements
-from anchoring.roads.geometry import Point2, Polyline
+from dyknow.anchoring.roads.elements import Crossing, Lane, RoadLink
+from dyknow.anchoring.roads.files.assembly import Assembly
+from dyknow.anchoring.roads.files.geojson import FARTHEST_M
+from dyknow.anchoring.roads.files.problems import FeatureError, Problems, RoadSurvey
+from dyknow.anchoring.roads.files.xml_elements import elements
+from dyknow.anchoring.roads.geometry import Point2, Polyline
 
 LANE_M: Final = 3.2
 """The width of a lane that does not say one, as in SUMO."""

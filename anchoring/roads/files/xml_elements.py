@@ -4,8 +4,8 @@ from collections.abc import Iterator
 from io import BytesIO
 from xml.etree.ElementTree import Element, ParseError, iterparse
 
-from anchoring.roads.files.others import OF_ROOTS
-from anchoring.roads.files.problems import MOST_BYTES, Problems
+from dyknow.anchoring.roads.files.others import OF_ROOTS
+from dyknow.anchoring.roads.files.problems import MOST_BYTES, Problems
 
 
 def elements(text: str | bytes, root: str, problems: Problems) -> Iterator[Element]:

@@ -1,4 +1,4 @@
 """Commands about processes and keys on this machine: up, down, join, host, demo, doctor, roster.
 
-They start, show and end platform processes. Nothing here speaks to other platforms but through `console.centre`.
+They start, show and end platform processes. Nothing here speaks to other platforms but through `dyknow.console.centre`.
 """

@@ -9,26 +9,26 @@ from typing import Annotated, Any, TypeAlias
 
 import typer
 
-from console.centre.client import connected
-from console.centre.separation import ALTITUDE, POSITION, Separation
-from console.command import Call, command
-from console.commands.fleet.up import FleetStart, ended, gathered, planned
-from console.commands.members.query import value_text
-from console.errors import DONE, FAILED
-from console.output.shown import styled
-from console.processes.launch import FleetPlan
-from console.processes.supervision import Fleet, interruptible
+from dyknow.console.centre.client import connected
+from dyknow.console.centre.separation import ALTITUDE, POSITION, Separation
+from dyknow.console.command import Call, command
+from dyknow.console.commands.fleet.up import FleetStart, ended, gathered, planned
+from dyknow.console.commands.members.query import value_text
+from dyknow.console.errors import DONE, FAILED
+from dyknow.console.output.shown import styled
+from dyknow.console.processes.launch import FleetPlan
+from dyknow.console.processes.supervision import Fleet, interruptible
+from dyknow.federation.members.imports import ImportName
+from dyknow.federation.messages import contents
+from dyknow.federation.messages.acts import Act, Performative, parse_act
+from dyknow.federation.messages.codec import StreamSample
+from dyknow.federation.messages.dialogue import Dialogue
 from dyknow.model.errors import FederationFailed, TextError
-from federation.members.imports import ImportName
-from federation.messages import contents
-from federation.messages.acts import Act, Performative, parse_act
-from federation.messages.codec import StreamSample
-from federation.messages.dialogue import Dialogue
-from runtime.client import Client
-from runtime.configuration.run_directory import run_directory
-from runtime.library.jobs import Subscriptions
-from runtime.library.jobs import monitors as all_monitors
-from runtime.library.jobs import tasks as all_tasks
+from dyknow.runtime.client import Client
+from dyknow.runtime.configuration.run_directory import run_directory
+from dyknow.runtime.library.jobs import Subscriptions
+from dyknow.runtime.library.jobs import monitors as all_monitors
+from dyknow.runtime.library.jobs import tasks as all_tasks
 
 P = Performative
 Outcome: TypeAlias = tuple[str, dict[str, Any]]

@@ -12,26 +12,21 @@ import sys
 import time
 from collections.abc import Iterator
 from importlib import metadata
-from importlib.util import find_spec
 from pathlib import Path
 from typing import Annotated, Literal, NamedTuple, TypeAlias
 
 import typer
 
-from console.command import Call, command
-from console.errors import DONE, NO
-from console.output.shown import Shown, line, styled
-from console.processes.launch import mavlink_vehicle
+from dyknow.console.command import Call, command
+from dyknow.console.errors import DONE, NO
+from dyknow.console.output.shown import Shown, line, styled
+from dyknow.console.processes.launch import mavlink_vehicle
 from dyknow.model.errors import EndpointFailed, did_you_mean
-from runtime.configuration.config import EndpointOptions, MavlinkOptions, MavlinkVehicle
-from runtime.configuration.run_directory import run_directory
-from runtime.configuration.settings import UnitFile
+from dyknow.runtime.configuration.config import EndpointOptions, MavlinkOptions, MavlinkVehicle
+from dyknow.runtime.configuration.run_directory import run_directory
+from dyknow.runtime.configuration.settings import UnitFile
 
 DISTRIBUTION = "dyknow-federation"
-TOP_LEVEL = (
-    "agents", "anchoring", "compunits", "console", "dyknow", "federation", "kpl", "navigation", "proxies", "reasoning", "runtime",
-    "sim_uavs",
-)  # fmt: skip
 LEAST_MB = 100
 OLDEST_PYTHON = (3, 11)
 MULTICAST_GROUP = "224.0.0.224"
@@ -137,23 +132,15 @@ def _numbers(version: str) -> tuple[int, ...]:
 
 
 def _names() -> Iterator[Finding]:
-    """`agents` and `federation` are names of published packages too: each of ours must be the one that is imported."""
-    home = Path(__file__).resolve().parents[3]
-    owners = metadata.packages_distributions()
-    foreign = []
-    for name in TOP_LEVEL:
-        spec = find_spec(name)
-        where = Path(spec.origin).resolve().parent.parent if spec and spec.origin else None
-        others = sorted(set(owners.get(name, ())) - {DISTRIBUTION})
-        if where != home or others:
-            foreign.append(name)
-            blamed = ", ".join(others) or f"a package in {where}"
-            yield Finding(
-                f"package {name}", "missing", f"another {name!r} is in the way: {blamed}",
-                f"use an environment of its own (make demo), or: pip uninstall {' '.join(others) or name}",
-            )  # fmt: skip
-    if not foreign:
-        yield Finding("our packages", "ok", f"all {len(TOP_LEVEL)} are ours")
+    """Of two distributions with files in one package, each overwrites the other's."""
+    others = sorted(set(metadata.packages_distributions().get("dyknow", ())) - {DISTRIBUTION})
+    if others:
+        yield Finding(
+            "package dyknow", "missing", f"another 'dyknow' is in the way: {', '.join(others)}",
+            f"pip uninstall {' '.join(others)}, then: pip install --force-reinstall {DISTRIBUTION}",
+        )  # fmt: skip
+    else:
+        yield Finding("our package", "ok", "dyknow is ours")
 
 
 def _space() -> Finding:
@@ -208,10 +195,10 @@ def _port(kind: str, family: int, number: int) -> Finding:
 
 def vehicle_heard(vehicle: MavlinkVehicle, within_s: float = LISTENS_S) -> Finding:
     """Whether a vehicle speaks there, as a platform would hear it; it is asked for its messages, and not commanded."""
-    from navigation.vehicle import LinkReport, Report
-    from proxies.mavlink.feed import MavlinkFeed
-    from proxies.mavlink.port import MavlinkPort
-    from proxies.mavlink.signing import read_key
+    from dyknow.navigation.vehicle import LinkReport, Report
+    from dyknow.proxies.mavlink.feed import MavlinkFeed
+    from dyknow.proxies.mavlink.port import MavlinkPort
+    from dyknow.proxies.mavlink.signing import read_key
 
     name = f"mavlink {vehicle.endpoint}"
     key = None if vehicle.signing_key is None else read_key(vehicle.signing_key)
@@ -259,7 +246,7 @@ def _compose() -> Finding:
 
 def _variables() -> Iterator[Finding]:
     """`DYKNOW_*` variables that nothing reads are misspelt, most likely."""
-    from runtime.configuration.settings import VARIABLES
+    from dyknow.runtime.configuration.settings import VARIABLES
 
     known = [*VARIABLES.values(), "DYKNOW_CONFIG", "DYKNOW_FULL", "DYKNOW_FLIGHT_DATA", "DYKNOW_SITL"]
     for name in sorted(os.environ):

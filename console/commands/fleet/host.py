@@ -8,18 +8,18 @@ from typing import Annotated, Any
 
 import typer
 
-from agents.hosts.knowledge_host import KnowledgeHost
-from compunits import load_module, prototypes_of
-from console.command import Call, command
-from console.errors import DONE
-from console.output.shown import Shown, line, styled
-from console.processes.launch import hosts_of
-from console.processes.supervision import interruptible
 from dyknow import Prototype
+from dyknow.agents.hosts.knowledge_host import KnowledgeHost
+from dyknow.compunits import load_module, prototypes_of
+from dyknow.console.command import Call, command
+from dyknow.console.errors import DONE
+from dyknow.console.output.shown import Shown, line, styled
+from dyknow.console.processes.launch import hosts_of
+from dyknow.console.processes.supervision import interruptible
+from dyknow.federation.keys import unit as unit_name
 from dyknow.model.errors import EndpointFailed, NothingFound, Refused, UnitError, WrongCall
-from federation.keys import unit as unit_name
-from proxies.hosts.connection import connect
-from runtime.hosts.host_process import HostProcess
+from dyknow.proxies.hosts.connection import connect
+from dyknow.runtime.hosts.host_process import HostProcess
 
 HOW = """\
 from dyknow import source, value_unit

@@ -9,17 +9,17 @@ from typing import Annotated, Any
 
 import typer
 
-from agents.specification.options import SpecificationOptions
-from console.arguments import Duration, LogLevel, Metrics, Speed
-from console.centre.client import connected
-from console.command import Call, command
-from console.commands.fleet.up import READY_S, FleetStart, tell_notes
-from console.commands.texts.run_output import tell_record
-from console.commands.texts.specification_files import check_specified
-from console.errors import DONE, INTERRUPTED
-from console.output.output import unit_json
-from console.output.shown import line, styled
-from console.processes.launch import (
+from dyknow.agents.specification.options import SpecificationOptions
+from dyknow.console.arguments import Duration, LogLevel, Metrics, Speed
+from dyknow.console.centre.client import connected
+from dyknow.console.command import Call, command
+from dyknow.console.commands.fleet.up import READY_S, FleetStart, tell_notes
+from dyknow.console.commands.texts.run_output import tell_record
+from dyknow.console.commands.texts.specification_files import check_specified
+from dyknow.console.errors import DONE, INTERRUPTED
+from dyknow.console.output.output import unit_json
+from dyknow.console.output.shown import line, styled
+from dyknow.console.processes.launch import (
     check_forward,
     clock_of,
     mavlink_vehicle,
@@ -28,10 +28,10 @@ from console.processes.launch import (
     together,
     with_metrics,
 )
-from console.processes.supervision import Fleet, interruptible, outlasting, uninterrupted
+from dyknow.console.processes.supervision import Fleet, interruptible, outlasting, uninterrupted
 from dyknow.documents.durations import SHORTEST_US, duration_us
 from dyknow.model.errors import FederationFailed, WrongCall
-from runtime.configuration.config import (
+from dyknow.runtime.configuration.config import (
     ClockConfig,
     EndpointOptions,
     MavlinkOptions,
@@ -41,11 +41,11 @@ from runtime.configuration.config import (
     ReplayOptions,
     Vehicle,
 )
-from runtime.configuration.instants import instant_us
-from runtime.configuration.local_endpoints import noted_local
-from runtime.configuration.run_directory import JOINED, ProcessState, run_directory, this_process, write_state
-from runtime.configuration.settings import UnitFile
-from runtime.records import is_at_least
+from dyknow.runtime.configuration.instants import instant_us
+from dyknow.runtime.configuration.local_endpoints import noted_local
+from dyknow.runtime.configuration.run_directory import JOINED, ProcessState, run_directory, this_process, write_state
+from dyknow.runtime.configuration.settings import UnitFile
+from dyknow.runtime.records import is_at_least
 
 _LOOK_S = 0.7
 _POLL_S = 0.1

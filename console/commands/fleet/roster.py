@@ -15,16 +15,22 @@ from typing import Annotated, TypeAlias
 
 import typer
 
-from console.command import Call, command
-from console.errors import DONE
-from console.output.output import unit_json
-from console.output.shown import styled
+from dyknow.console.command import Call, command
+from dyknow.console.errors import DONE
+from dyknow.console.output.output import unit_json
+from dyknow.console.output.shown import styled
+from dyknow.federation.keys import unit as unit_name
+from dyknow.federation.security.tls import (
+    Paths,
+    authority_certificate,
+    platform_certificate,
+    tls_key,
+    zenoh_security_config,
+)
+from dyknow.federation.security.trust import KEY_BYTES, Role, Roster, RosterMember, Signer
 from dyknow.model.errors import RosterError, WrongCall
-from federation.keys import unit as unit_name
-from federation.security.tls import Paths, authority_certificate, platform_certificate, tls_key, zenoh_security_config
-from federation.security.trust import KEY_BYTES, Role, Roster, RosterMember, Signer
-from proxies.files.named_files import bounded_text
-from runtime.configuration.reach import COMMAND_CENTRE, roster_folder
+from dyknow.proxies.files.named_files import bounded_text
+from dyknow.runtime.configuration.reach import COMMAND_CENTRE, roster_folder
 
 DEFAULT_FILE = Path("roster.toml")
 AUTHORITY = "ca"

@@ -7,26 +7,26 @@ from typing import Annotated, Any, TypeAlias
 
 import typer
 
-from agents.capabilities.flight.options import FlightOptions
-from agents.specification.options import RunOptions, SpecificationOptions
-from console.arguments import Duration, Metrics, Speed
-from console.command import Call, command
-from console.commands.members.ls import ls
-from console.commands.texts.specification_files import check_specified
-from console.errors import DONE, FAILED, INTERRUPTED, NO
-from console.output.output import unit_json
-from console.output.shown import line, styled
-from console.processes.launch import FleetPlan, clock_of, fleet_of, together, with_metrics
-from console.processes.scheduled import with_faults
-from console.processes.standing import forget, missing, note_state, running_units, started_units
-from console.processes.supervision import GRACE_S, Fleet, end, interruptible, outlasting, uninterrupted
+from dyknow.agents.capabilities.flight.options import FlightOptions
+from dyknow.agents.specification.options import RunOptions, SpecificationOptions
+from dyknow.console.arguments import Duration, Metrics, Speed
+from dyknow.console.command import Call, command
+from dyknow.console.commands.members.ls import ls
+from dyknow.console.commands.texts.specification_files import check_specified
+from dyknow.console.errors import DONE, FAILED, INTERRUPTED, NO
+from dyknow.console.output.output import unit_json
+from dyknow.console.output.shown import line, styled
+from dyknow.console.processes.launch import FleetPlan, clock_of, fleet_of, together, with_metrics
+from dyknow.console.processes.scheduled import with_faults
+from dyknow.console.processes.standing import forget, missing, note_state, running_units, started_units
+from dyknow.console.processes.supervision import GRACE_S, Fleet, end, interruptible, outlasting, uninterrupted
 from dyknow.documents.durations import SHORTEST_US, duration_us
+from dyknow.federation.members.clock import FederationClock
+from dyknow.federation.members.directory import unit_order
 from dyknow.model.errors import FederationFailed, Refused, TextError, WrongCall, did_you_mean
-from federation.members.clock import FederationClock
-from federation.members.directory import unit_order
-from runtime.configuration import run_directory
-from runtime.configuration.config import NodeConfig, SimulatedVehicleConfig
-from runtime.configuration.settings import UnitFile
+from dyknow.runtime.configuration import run_directory
+from dyknow.runtime.configuration.config import NodeConfig, SimulatedVehicleConfig
+from dyknow.runtime.configuration.settings import UnitFile
 
 READY_S = 60.0
 _LEAD_US = 3_000_000
@@ -91,7 +91,7 @@ class FleetStart:
 
 
 def _scenarios() -> list[str]:
-    from sim_uavs.dynamics.scenarios import NAMES
+    from dyknow.sim_uavs.dynamics.scenarios import NAMES
 
     return list(NAMES)
 
@@ -167,7 +167,7 @@ def up(
 
 def _with_specification(each: UnitFile, spec: Path | None, scenario: str) -> UnitFile:
     """The options with the specification that was given, else with the ready one of the scenario, if any."""
-    from sim_uavs.monitoring.specifications import READY
+    from dyknow.sim_uavs.monitoring.specifications import READY
 
     if scenario in _FLOORS_M:
         each = each.having(FlightOptions(floor_m=_FLOORS_M[scenario]))
@@ -227,7 +227,7 @@ def _start_us(call: Call, plan: FleetPlan, now_us: int) -> int:
 
 def _checked_scenario(name: str, simulated: int) -> None:
     """Raises WrongCall for a scenario that there is not, or not with so few vehicles."""
-    from sim_uavs.dynamics.scenarios import NAMES, scenario
+    from dyknow.sim_uavs.dynamics.scenarios import NAMES, scenario
 
     if name not in NAMES:
         raise WrongCall(f"--scenario: there is no scenario {name!r}.{did_you_mean(name, NAMES)}")

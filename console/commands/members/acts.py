@@ -5,18 +5,18 @@ from typing import Annotated
 
 import typer
 
-from console.arguments import Follow, Unit
-from console.centre.client import connected
-from console.command import Call, command
-from console.errors import DONE, NO
-from console.output.output import unit_json
-from console.output.shown import Shown, line, styled
+from dyknow.console.arguments import Follow, Unit
+from dyknow.console.centre.client import connected
+from dyknow.console.command import Call, command
+from dyknow.console.errors import DONE, NO
+from dyknow.console.output.output import unit_json
+from dyknow.console.output.shown import Shown, line, styled
+from dyknow.federation.messages.acts import Act, Performative, parse_act
+from dyknow.federation.messages.contents import ActList, ActLog, Acts
 from dyknow.model.errors import TextError
-from federation.messages.acts import Act, Performative, parse_act
-from federation.messages.contents import ActList, ActLog, Acts
-from runtime.client import Client
-from runtime.configuration.instants import clock_time
-from runtime.library.jobs import Subscriptions, lists
+from dyknow.runtime.client import Client
+from dyknow.runtime.configuration.instants import clock_time
+from dyknow.runtime.library.jobs import Subscriptions, lists
 
 _STEP_S = 0.2
 _QUESTIONS = {Performative.QUERY_REF, Performative.SUBSCRIBE}

@@ -5,21 +5,21 @@ from typing import Annotated, Any
 
 import typer
 
-from console.arguments import Count, Follow
-from console.centre.client import connected
-from console.command import Call, command
-from console.errors import DONE, NO
-from console.output.output import counted, unit_json
-from console.output.shown import Shown, line, styled
+from dyknow.console.arguments import Count, Follow
+from dyknow.console.centre.client import connected
+from dyknow.console.command import Call, command
+from dyknow.console.errors import DONE, NO
+from dyknow.console.output.output import counted, unit_json
+from dyknow.console.output.shown import Shown, line, styled
+from dyknow.federation.messages.contents import Alarm, AlarmList, Because, MonitorChange, MonitorEntry, MonitorProximity
 from dyknow.model.instants import print_span
-from federation.messages.contents import Alarm, AlarmList, Because, MonitorChange, MonitorEntry, MonitorProximity
-from runtime.client import Client
-from runtime.configuration.instants import clock_time
-from runtime.library.alarm_news import AlarmItem, AlarmNews
-from runtime.library.jobs import lists, tasks
-from runtime.library.jobs import monitors as all_monitors
-from runtime.library.questions import gone_text, missing_units, query_missing
-from runtime.library.results import PlatformChange
+from dyknow.runtime.client import Client
+from dyknow.runtime.configuration.instants import clock_time
+from dyknow.runtime.library.alarm_news import AlarmItem, AlarmNews
+from dyknow.runtime.library.jobs import lists, tasks
+from dyknow.runtime.library.jobs import monitors as all_monitors
+from dyknow.runtime.library.questions import gone_text, missing_units, query_missing
+from dyknow.runtime.library.results import PlatformChange
 
 _STEP_S = 0.2
 _COLOURS = {"opened": "red", "closed": "green", "ended": "yellow"}
@@ -79,7 +79,7 @@ def alarms(
 
 def _note_calm(call: Call, client: Client) -> None:
     """That no alarm is open, and how far the two nearest platforms are from each other."""
-    from console.centre.separation import closest
+    from dyknow.console.centre.separation import closest
 
     pair = closest(client)
     more = "" if pair is None else f"; the nearest two are {pair[0]} and {pair[1]}, {pair[2]:.0f} m from each other"
@@ -116,7 +116,9 @@ def _tell_alarm(call: Call, alarm: Alarm, *, is_open: bool, explain: bool = Fals
 
 def _quantity(name: str, value: Any, alarm: Alarm) -> str:
     """A value with its unit; whose it is where that is not the whole of `alarm.units`."""
-    from reasoning.features.derivation import FEATURES  # a tenth of a second, for those that have an alarm to show
+    from dyknow.reasoning.features.derivation import (
+        FEATURES,  # a tenth of a second, for those that have an alarm to show
+    )
 
     feature, _, about = name.partition("[")
     whose = {one.strip() for one in about.rstrip("]").split(",")}
@@ -145,7 +147,7 @@ def reason_text(reason: Because) -> str:
 
 def _value_text(name: str, value: Any) -> str:
     """A value of a state; times in seconds."""
-    from reasoning.features.derivation import FEATURES
+    from dyknow.reasoning.features.derivation import FEATURES
 
     feature = FEATURES.get(name.partition("[")[0])
     if feature is not None and feature.unit == "us" and isinstance(value, int | float):

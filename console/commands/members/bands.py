@@ -5,16 +5,16 @@ from typing import Annotated, Any
 
 import typer
 
-from console.centre.client import connected, note_unreached
-from console.command import Call, command
-from console.errors import DONE, NO
-from console.output.output import unit_json
-from console.output.shown import Shown, styled
+from dyknow.console.centre.client import connected, note_unreached
+from dyknow.console.command import Call, command
+from dyknow.console.errors import DONE, NO
+from dyknow.console.output.output import unit_json
+from dyknow.console.output.shown import Shown, styled
 from dyknow.documents.durations import SHORTEST_US, duration_us
 from dyknow.model.instants import print_span
-from reasoning.features.bands import ConflictBand
-from runtime.library.pictures import bands as pictures
-from runtime.library.pictures.bands import BandsPicture, ClearanceRow
+from dyknow.reasoning.features.bands import ConflictBand
+from dyknow.runtime.library.pictures import bands as pictures
+from dyknow.runtime.library.pictures.bands import BandsPicture, ClearanceRow
 
 AGAIN_S = 1.0
 SOON_S = 10.0

@@ -4,23 +4,23 @@ from typing import Annotated, Any
 
 import typer
 
-from console.arguments import Count, Label
-from console.centre.client import connected
-from console.command import Call, command
-from console.commands.members.query import value_text
-from console.errors import DONE, NO
-from console.output.output import unit_json
-from console.output.shown import styled
+from dyknow.console.arguments import Count, Label
+from dyknow.console.centre.client import connected
+from dyknow.console.command import Call, command
+from dyknow.console.commands.members.query import value_text
+from dyknow.console.errors import DONE, NO
+from dyknow.console.output.output import unit_json
+from dyknow.console.output.shown import styled
 from dyknow.documents.durations import SHORTEST_US, duration_us
+from dyknow.federation.calls.proposals import CallNews
 from dyknow.model.errors import FederationFailed
 from dyknow.model.instants import print_span
-from federation.calls.proposals import CallNews
-from runtime.client import Client
-from runtime.configuration.instants import clock_time
-from runtime.library.calls import CallItem, OpenCall, wanted_of
-from runtime.library.meanings import meaning_to
-from runtime.library.results import UnitSample
-from runtime.library.watched import WatchedStreams
+from dyknow.runtime.client import Client
+from dyknow.runtime.configuration.instants import clock_time
+from dyknow.runtime.library.calls import CallItem, OpenCall, wanted_of
+from dyknow.runtime.library.meanings import meaning_to
+from dyknow.runtime.library.results import UnitSample
+from dyknow.runtime.library.watched import WatchedStreams
 
 _STEP_S = 0.5
 _WORDS = {

@@ -5,15 +5,14 @@ from typing import Annotated, Any, Literal
 
 import typer
 
-from console.centre.client import connected
-from console.command import Call, command, search_working_directory
-from console.errors import DONE, INTERRUPTED, NO, WRONG
-from console.output.output import unit_json
-from console.output.shown import Shown, line, styled
+from dyknow.console.centre.client import connected
+from dyknow.console.command import Call, command, search_working_directory
+from dyknow.console.errors import DONE, INTERRUPTED, NO, WRONG
+from dyknow.console.output.output import unit_json
+from dyknow.console.output.shown import Shown, line, styled
 from dyknow.documents.durations import SHORTEST_US, duration_us
-from dyknow.model.errors import FederationFailed, NothingFound, TextError, WrongCall
-from federation.messages.acts import Act, Performative
-from federation.messages.contents import (
+from dyknow.federation.messages.acts import Act, Performative
+from dyknow.federation.messages.contents import (
     Alarm,
     Content,
     Done,
@@ -22,14 +21,15 @@ from federation.messages.contents import (
     Reason,
     TaskEntry,
 )
-from federation.messages.dialogue import Dialogue
-from runtime.client import Client
-from runtime.configuration.instants import clock_time
-from runtime.configuration.settings import load
-from runtime.configuration.wording import content_with, typed, values_of
-from runtime.library.jobs import begin_task, listed_tasks, running_already, state_of
-from runtime.library.jobs import tasks as all_tasks
-from runtime.library.listings import conversation_of
+from dyknow.federation.messages.dialogue import Dialogue
+from dyknow.model.errors import FederationFailed, NothingFound, TextError, WrongCall
+from dyknow.runtime.client import Client
+from dyknow.runtime.configuration.instants import clock_time
+from dyknow.runtime.configuration.settings import load
+from dyknow.runtime.configuration.wording import content_with, typed, values_of
+from dyknow.runtime.library.jobs import begin_task, listed_tasks, running_already, state_of
+from dyknow.runtime.library.jobs import tasks as all_tasks
+from dyknow.runtime.library.listings import conversation_of
 
 P = Performative
 ANSWER_S = 3.0
@@ -260,7 +260,7 @@ def cancel(
 
 def _fault(kind: str) -> tuple[str, str]:
     """The name and the amount of a fault; raises WrongCall."""
-    from sim_uavs.dynamics.faults import parse_fault
+    from dyknow.sim_uavs.dynamics.faults import parse_fault
 
     name, _, value = kind.partition("=")
     if name == "clock" and value:
@@ -273,7 +273,7 @@ def _fault(kind: str) -> tuple[str, str]:
 
 
 def _kinds() -> list[str]:
-    from sim_uavs.dynamics.faults import KINDS
+    from dyknow.sim_uavs.dynamics.faults import KINDS
 
     return list(KINDS)
 

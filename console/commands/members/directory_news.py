@@ -3,15 +3,15 @@
 from functools import partial
 from typing import NoReturn
 
-from console.command import Call
-from console.output.output import unit_json
-from console.output.shown import line, styled
-from federation.members.liveness import PeerState
-from federation.messages.acts import Performative
-from federation.messages.contents import Directory, DirectoryEvent
-from federation.messages.dialogue import Dialogue
-from runtime.client import Client
-from runtime.configuration.instants import clock_time
+from dyknow.console.command import Call
+from dyknow.console.output.output import unit_json
+from dyknow.console.output.shown import line, styled
+from dyknow.federation.members.liveness import PeerState
+from dyknow.federation.messages.acts import Performative
+from dyknow.federation.messages.contents import Directory, DirectoryEvent
+from dyknow.federation.messages.dialogue import Dialogue
+from dyknow.runtime.client import Client
+from dyknow.runtime.configuration.instants import clock_time
 
 _STEP_S = 0.2
 _COLOURS = {"appeared": "green", "returned": "green", "gone": "red", "suspected": "yellow"}

@@ -2,11 +2,11 @@
 
 from collections.abc import Sequence
 
-from console.command import Call
+from dyknow.console.command import Call
+from dyknow.federation.messages.contents import TaskEntry
 from dyknow.model.instants import print_span
-from federation.messages.contents import TaskEntry
-from runtime.client import Client
-from runtime.library.jobs import listed_tasks
+from dyknow.runtime.client import Client
+from dyknow.runtime.library.jobs import listed_tasks
 
 
 def warn_of_ended(call: Call, client: Client, units: Sequence[str]) -> None:

@@ -6,20 +6,20 @@ from typing import Annotated, Any, NamedTuple
 
 import typer
 
-from console.arguments import Label, Unit
-from console.centre.client import connected
-from console.command import Call, command
-from console.errors import DONE, NO
-from console.output.output import unit_json
-from console.output.shown import styled
+from dyknow.console.arguments import Label, Unit
+from dyknow.console.centre.client import connected
+from dyknow.console.command import Call, command
+from dyknow.console.errors import DONE, NO
+from dyknow.console.output.output import unit_json
+from dyknow.console.output.shown import styled
 from dyknow.documents.durations import SHORTEST_US, duration_us
+from dyknow.federation.messages.acts import Performative
+from dyknow.federation.messages.contents import Query, Samples
+from dyknow.federation.messages.dialogue import Dialogue
 from dyknow.model.instants import US_PER_S, print_span
-from federation.messages.acts import Performative
-from federation.messages.contents import Query, Samples
-from federation.messages.dialogue import Dialogue
-from runtime.client import Client
-from runtime.library.jobs import SET_UP_S, request_streams
-from runtime.library.questions import GRACE_S, check_label, check_streamed
+from dyknow.runtime.client import Client
+from dyknow.runtime.library.jobs import SET_UP_S, request_streams
+from dyknow.runtime.library.questions import GRACE_S, check_label, check_streamed
 
 MAX_DELAY_S = 1.0
 UNDECLARED_US = 100_000

@@ -4,13 +4,13 @@ from typing import Annotated, Any
 
 import typer
 
-from console.centre.client import connected
-from console.command import Call, command
-from console.errors import DONE, NO
-from console.output.output import unit_json
-from console.output.shown import styled
-from federation.messages.contents import ImportCounts, ImportList
-from runtime.library.jobs import lists
+from dyknow.console.centre.client import connected
+from dyknow.console.command import Call, command
+from dyknow.console.errors import DONE, NO
+from dyknow.console.output.output import unit_json
+from dyknow.console.output.shown import styled
+from dyknow.federation.messages.contents import ImportCounts, ImportList
+from dyknow.runtime.library.jobs import lists
 
 
 @command(example="dyknow imports --unit 0")

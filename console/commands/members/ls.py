@@ -5,21 +5,21 @@ from typing import Annotated, Any, NamedTuple
 
 import typer
 
-from console.arguments import Follow
-from console.centre.client import connected, note_unreached
-from console.command import Call, command
-from console.commands.members.ended_tasks import warn_of_ended
-from console.errors import DONE, NO
-from console.output.output import unit_json
-from console.output.shown import Shown, line, stacked, styled
+from dyknow.console.arguments import Follow
+from dyknow.console.centre.client import connected, note_unreached
+from dyknow.console.command import Call, command
+from dyknow.console.commands.members.ended_tasks import warn_of_ended
+from dyknow.console.errors import DONE, NO
+from dyknow.console.output.output import unit_json
+from dyknow.console.output.shown import Shown, line, stacked, styled
+from dyknow.federation.members.command_centre import PlatformView
+from dyknow.federation.members.liveness import PeerState
+from dyknow.federation.messages.acts import Performative
+from dyknow.federation.messages.contents import Query, Samples
 from dyknow.model.instants import US_PER_S, print_span
-from federation.members.command_centre import PlatformView
-from federation.members.liveness import PeerState
-from federation.messages.acts import Performative
-from federation.messages.contents import Query, Samples
-from runtime.client import Client
-from runtime.library.jobs import all_platforms
-from runtime.library.questions import gone_text, is_stale
+from dyknow.runtime.client import Client
+from dyknow.runtime.library.jobs import all_platforms
+from dyknow.runtime.library.questions import gone_text, is_stale
 
 AGES_S = 1.0
 WATCH_S = 1.0
@@ -41,7 +41,7 @@ def ls(
     """The platforms, a line each: state, battery, altitude, age of the oldest data; exit 1 if none is there."""
     with connected(call) as client:
         if follow:
-            from console.commands.members.directory_news import follow_directory
+            from dyknow.console.commands.members.directory_news import follow_directory
 
             _list(call, client, all_kinds=all_kinds, long=long)
             follow_directory(call, client)

@@ -4,16 +4,16 @@ from typing import Annotated, Any
 
 import typer
 
-from console.centre.client import connected
-from console.command import Call, command
-from console.commands.members.alarms import because_json, input_names, reason_text, tell_unknown
-from console.commands.members.ended_tasks import warn_of_ended
-from console.errors import DONE, NO
-from console.output.output import unit_json
-from console.output.shown import Shown, line, styled
+from dyknow.console.centre.client import connected
+from dyknow.console.command import Call, command
+from dyknow.console.commands.members.alarms import because_json, input_names, reason_text, tell_unknown
+from dyknow.console.commands.members.ended_tasks import warn_of_ended
+from dyknow.console.errors import DONE, NO
+from dyknow.console.output.output import unit_json
+from dyknow.console.output.shown import Shown, line, styled
+from dyknow.federation.messages.contents import IDLE, MonitorEntry
 from dyknow.model.instants import print_span
-from federation.messages.contents import IDLE, MonitorEntry
-from runtime.library.jobs import monitors as all_monitors
+from dyknow.runtime.library.jobs import monitors as all_monitors
 
 _COLOURS = {"ok": "green", "alarm": "red"}
 _ORDER = ("alarm", "unknown")

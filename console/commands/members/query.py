@@ -5,26 +5,26 @@ from typing import Annotated, Any, Literal
 
 import typer
 
-from agents.exchange.readings import merge_inverse_variance, merge_mean, select_best, select_newest
-from console.arguments import StreamLabel, Unit
-from console.centre.client import connected, note_unreached
-from console.command import Call, command
-from console.errors import DONE, NO
-from console.output.output import unit_json
-from console.output.predictions import prediction_json, prediction_text
-from console.output.shown import Shown, styled
+from dyknow.agents.exchange.readings import merge_inverse_variance, merge_mean, select_best, select_newest
+from dyknow.console.arguments import StreamLabel, Unit
+from dyknow.console.centre.client import connected, note_unreached
+from dyknow.console.command import Call, command
+from dyknow.console.errors import DONE, NO
+from dyknow.console.output.output import unit_json
+from dyknow.console.output.predictions import prediction_json, prediction_text
+from dyknow.console.output.shown import Shown, styled
 from dyknow.documents.durations import SHORTEST_US, duration_us
+from dyknow.federation.messages.contents import Query, Reading
 from dyknow.model.errors import NothingFound, WrongCall
 from dyknow.model.instants import print_span
 from dyknow.model.sample import Predicted
 from dyknow.model.semantic_labels import SemanticLabel
 from dyknow.model.values import NoValue
-from federation.messages.contents import Query, Reading
-from runtime.configuration.instants import clock_time
-from runtime.library.jobs import readings_of, readings_via
-from runtime.library.meanings import differing, meaning_to
-from runtime.library.questions import Which, age_of, check_name, is_own_label, query_of
-from runtime.library.results import variances_in
+from dyknow.runtime.configuration.instants import clock_time
+from dyknow.runtime.library.jobs import readings_of, readings_via
+from dyknow.runtime.library.meanings import differing, meaning_to
+from dyknow.runtime.library.questions import Which, age_of, check_name, is_own_label, query_of
+from dyknow.runtime.library.results import variances_in
 
 SELECT = {"newest": select_newest, "best": select_best}
 MERGE = {"mean": merge_mean, "inverse-variance": merge_inverse_variance}

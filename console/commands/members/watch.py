@@ -4,27 +4,27 @@ from typing import Annotated, Any, NamedTuple
 
 import typer
 
-from console.arguments import Count, Label, Unit
-from console.centre.client import connected
-from console.command import Call, command
-from console.commands.members.query import value_text
-from console.errors import DONE, NO
-from console.output.output import unit_json
-from console.output.predictions import prediction_json, prediction_text
-from console.output.shown import styled
+from dyknow.console.arguments import Count, Label, Unit
+from dyknow.console.centre.client import connected
+from dyknow.console.command import Call, command
+from dyknow.console.commands.members.query import value_text
+from dyknow.console.errors import DONE, NO
+from dyknow.console.output.output import unit_json
+from dyknow.console.output.predictions import prediction_json, prediction_text
+from dyknow.console.output.shown import styled
 from dyknow.documents.durations import SHORTEST_US, duration_us
+from dyknow.federation.messages.acts import Performative
+from dyknow.federation.messages.codec import StreamSample
+from dyknow.federation.messages.contents import Query, Samples
+from dyknow.federation.messages.dialogue import Dialogue
 from dyknow.model.errors import FederationFailed, WrongCall
 from dyknow.model.instants import print_span
 from dyknow.model.values import NO_VALUE
-from federation.messages.acts import Performative
-from federation.messages.codec import StreamSample
-from federation.messages.contents import Query, Samples
-from federation.messages.dialogue import Dialogue
-from runtime.client import Client
-from runtime.configuration.instants import clock_time, instant_us
-from runtime.library.jobs import SET_UP_S, agreeing, request_streams
-from runtime.library.meanings import differing, meaning_to, record_of
-from runtime.library.questions import check_label, check_streamed
+from dyknow.runtime.client import Client
+from dyknow.runtime.configuration.instants import clock_time, instant_us
+from dyknow.runtime.library.jobs import SET_UP_S, agreeing, request_streams
+from dyknow.runtime.library.meanings import differing, meaning_to, record_of
+from dyknow.runtime.library.questions import check_label, check_streamed
 
 SILENT_US = 2_000_000
 """After this long, or two periods, without a sample the reason is printed."""

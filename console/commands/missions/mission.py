@@ -5,20 +5,20 @@ from typing import Annotated, Any
 
 import typer
 
-from console.centre.client import connected
-from console.command import Call, command
-from console.commands.texts.specification_files import read_text
-from console.errors import DONE, INTERRUPTED, NO
-from console.output.output import unit_json
-from console.output.shown import styled
+from dyknow.console.centre.client import connected
+from dyknow.console.command import Call, command
+from dyknow.console.commands.texts.specification_files import read_text
+from dyknow.console.errors import DONE, INTERRUPTED, NO
+from dyknow.console.output.output import unit_json
+from dyknow.console.output.shown import styled
 from dyknow.documents.durations import SHORTEST_US, duration_us
+from dyknow.federation.messages.contents import Done, MissionEntry, MissionProposal, Progress, Reason
+from dyknow.federation.messages.dialogue import Dialogue
 from dyknow.model.errors import FederationFailed
-from federation.messages.contents import Done, MissionEntry, MissionProposal, Progress, Reason
-from federation.messages.dialogue import Dialogue
-from runtime.client import Client
-from runtime.configuration.instants import clock_time
-from runtime.library.jobs import state_of
-from runtime.library.missions import (
+from dyknow.runtime.client import Client
+from dyknow.runtime.configuration.instants import clock_time
+from dyknow.runtime.library.jobs import state_of
+from dyknow.runtime.library.missions import (
     MissionRequest,
     abort_mission,
     answer_question,

@@ -3,9 +3,9 @@
 import sys
 from pathlib import Path
 
-from console.commands.texts.specification_files import STANDARD_INPUT
+from dyknow.console.commands.texts.specification_files import STANDARD_INPUT
 from dyknow.model.errors import WrongCall
-from proxies.files.named_files import opened_file
+from dyknow.proxies.files.named_files import opened_file
 
 
 def read_document(path: Path) -> tuple[bytes, str]:

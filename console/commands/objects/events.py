@@ -6,14 +6,14 @@ from typing import Annotated, Any
 
 import typer
 
-from console.centre.client import connected
-from console.command import Call, command
-from console.errors import DONE, NO
-from console.output.output import unit_json
-from console.output.shown import line, styled
+from dyknow.console.centre.client import connected
+from dyknow.console.command import Call, command
+from dyknow.console.errors import DONE, NO
+from dyknow.console.output.output import unit_json
+from dyknow.console.output.shown import line, styled
+from dyknow.federation.messages.contents import ObjectEvent, ObjectEvents
 from dyknow.model.instants import US_PER_S
-from federation.messages.contents import ObjectEvent, ObjectEvents
-from runtime.library.jobs import lists
+from dyknow.runtime.library.jobs import lists
 
 EVERY_S = 1.0
 _STYLES = {

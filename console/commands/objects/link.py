@@ -6,21 +6,21 @@ from typing import TYPE_CHECKING, Annotated
 
 import typer
 
-from console.arguments import UnitModules
-from console.command import Call, command
-from console.commands.texts.specification_files import STANDARD_INPUT, read_text, recorded_lines
-from console.errors import DONE, WRONG
+from dyknow.console.arguments import UnitModules
+from dyknow.console.command import Call, command
+from dyknow.console.commands.texts.specification_files import STANDARD_INPUT, read_text, recorded_lines
+from dyknow.console.errors import DONE, WRONG
 from dyknow.model.errors import TextError, WrongCall
-from proxies.files.named_files import beside
-from runtime.configuration.road_files import read_bytes
+from dyknow.proxies.files.named_files import beside
+from dyknow.runtime.configuration.road_files import read_bytes
 
 if TYPE_CHECKING:
-    from anchoring.links.structures import AnySpecification
-    from anchoring.roads.network import RoadNetwork
     from dyknow import UnitPrototype
-    from kpl.linking.offline import OfflineConditions
-    from kpl.linking.wants import Wanted
-    from navigation import LocalFrame
+    from dyknow.anchoring.links.structures import AnySpecification
+    from dyknow.anchoring.roads.network import RoadNetwork
+    from dyknow.kpl.linking.offline import OfflineConditions
+    from dyknow.kpl.linking.wants import Wanted
+    from dyknow.navigation import LocalFrame
 
 _MOST_NOTES, _MOST_LEFT_OUT = 20, 10_000
 
@@ -65,11 +65,11 @@ def link(
     modules: UnitModules = None,
 ) -> int:
     """Which percepts are the same objects: one symbol for each, also through gaps; exit 2 if lines had to be left out."""
-    from anchoring.links.beginnings import ObjectBeginnings
-    from anchoring.links.structures import ObjectLinkage
-    from anchoring.percepts.reading import PerceptReader
-    from console.commands.objects.link_output import LinkOutput
-    from console.commands.objects.percept_texts import numbered_lines
+    from dyknow.anchoring.links.beginnings import ObjectBeginnings
+    from dyknow.anchoring.links.structures import ObjectLinkage
+    from dyknow.anchoring.percepts.reading import PerceptReader
+    from dyknow.console.commands.objects.link_output import LinkOutput
+    from dyknow.console.commands.objects.percept_texts import numbered_lines
 
     if percepts is None:
         raise WrongCall("give the recorded percepts: --percepts FILE.jsonl.")
@@ -113,19 +113,19 @@ def _specifications(
     "tuple[tuple[AnySpecification, ...], RoadNetwork | None, LocalFrame | None, list[Wanted], OfflineConditions | None]"
 ):
     """The link specifications of a file, or those that are ready, their roads and frame, what is looked for, what is declared."""
-    from anchoring.ready import ready_specification
+    from dyknow.anchoring.ready import ready_specification
 
     if file is None:
         return ready_specification(network), network, None if network is None else network.frame, [], None
-    from kpl import parse_specification
-    from kpl.checking.symbols import Known, SymbolTable
-    from kpl.linking.declarations import link_specifications, linkage_key, links_in
-    from kpl.linking.offline import OfflineConditions, check_conditions
-    from kpl.linking.roads import says_on_road
-    from kpl.linking.units import unit_finder
-    from kpl.linking.wants import wants_in
-    from kpl.syntax.specification import Link
-    from navigation import LocalFrame
+    from dyknow.kpl import parse_specification
+    from dyknow.kpl.checking.symbols import Known, SymbolTable
+    from dyknow.kpl.linking.declarations import link_specifications, linkage_key, links_in
+    from dyknow.kpl.linking.offline import OfflineConditions, check_conditions
+    from dyknow.kpl.linking.roads import says_on_road
+    from dyknow.kpl.linking.units import unit_finder
+    from dyknow.kpl.linking.wants import wants_in
+    from dyknow.kpl.syntax.specification import Link
+    from dyknow.navigation import LocalFrame
 
     text = read_text(file)
     declarations = parse_specification(text, beside(file))
@@ -159,8 +159,8 @@ def _specifications(
 
 def _prototypes(modules: Sequence[str], names: Iterable[str]) -> "dict[str, UnitPrototype]":
     """The units that links name, of modules, the library and installed distributions."""
-    from compunits import catalogue
     from dyknow import UnitPrototype
+    from dyknow.compunits import catalogue
 
     there = catalogue(modules)
     found = ((name, there.offered(name)) for name in names)
@@ -169,7 +169,7 @@ def _prototypes(modules: Sequence[str], names: Iterable[str]) -> "dict[str, Unit
 
 def _tell_failures(call: Call, specifications: "Sequence[AnySpecification]") -> bool:
     """What units of users raised; whether there was something."""
-    from kpl.linking.units import LinkedUnit
+    from dyknow.kpl.linking.units import LinkedUnit
 
     units = [unit for each in specifications if isinstance(unit := getattr(each, "unit", None), LinkedUnit)]
     for unit in units:
@@ -180,7 +180,7 @@ def _tell_failures(call: Call, specifications: "Sequence[AnySpecification]") -> 
 
 def _network(call: Call, file: Path) -> "RoadNetwork":
     """The roads of a file; its warnings are reported, the first of them."""
-    from anchoring.roads.files.formats import survey_any
+    from dyknow.anchoring.roads.files.formats import survey_any
 
     survey = survey_any(read_bytes(file, "--roads"))
     network = survey.required(str(file))

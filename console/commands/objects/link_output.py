@@ -2,16 +2,16 @@
 
 from typing import TYPE_CHECKING, Any
 
-from console.command import Call
-from console.output.shown import Shown, line, styled
+from dyknow.console.command import Call
+from dyknow.console.output.shown import Shown, line, styled
+from dyknow.kpl.introspection.link_reasons import because
 from dyknow.model.instants import US_PER_MS, US_PER_S
-from kpl.introspection.link_reasons import because
 
 if TYPE_CHECKING:
-    from anchoring.links.objects import LinkEvent
-    from anchoring.links.states import ObjectState
-    from anchoring.links.structures import LinkOutcome, ObjectLinkage, StateRecord
-    from navigation import LocalFrame
+    from dyknow.anchoring.links.objects import LinkEvent
+    from dyknow.anchoring.links.states import ObjectState
+    from dyknow.anchoring.links.structures import LinkOutcome, ObjectLinkage, StateRecord
+    from dyknow.navigation import LocalFrame
 
 _STYLES = {
     "established": "green",

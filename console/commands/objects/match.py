@@ -5,9 +5,9 @@ from typing import Annotated, Literal
 
 import typer
 
-from console.command import Call, command
-from console.commands.objects.documents import read_document
-from console.errors import DONE
+from dyknow.console.command import Call, command
+from dyknow.console.commands.objects.documents import read_document
+from dyknow.console.errors import DONE
 
 
 @command(example="dyknow match examples/matching/marked.json")
@@ -20,8 +20,8 @@ def match(
     draw: Annotated[Literal["svg"] | None, typer.Option(help="Only a picture: percepts by properties.")] = None,
 ) -> int:
     """Which percepts match a description: one of the five anchoring cases, the anchors, the recovery, and reasons."""
-    from anchoring.matching.files import read_matching, situation_json
-    from anchoring.matching.situations import classify
+    from dyknow.anchoring.matching.files import read_matching, situation_json
+    from dyknow.anchoring.matching.situations import classify
 
     given = read_matching(*read_document(file))
     for sentence in given.ignored:
@@ -30,7 +30,7 @@ def match(
     if draw is None or call.out.json_lines:
         call.out.line(situation_json(situation))
     else:
-        from console.output.drawings import situation_svg
+        from dyknow.console.output.drawings import situation_svg
 
         call.out.plain(situation_svg(situation))
     return DONE

@@ -5,16 +5,16 @@ from typing import Annotated, Any, TypeAlias
 
 import typer
 
-from console.centre.client import connected
-from console.command import Call, command
-from console.commands.objects.picture import FirstObjects, JointPicture, joint_picture, show, tell_changes
-from console.errors import DONE, NO
-from console.output.output import unit_json
 from dyknow import NO_VALUE, as_json
+from dyknow.console.centre.client import connected
+from dyknow.console.command import Call, command
+from dyknow.console.commands.objects.picture import FirstObjects, JointPicture, joint_picture, show, tell_changes
+from dyknow.console.errors import DONE, NO
+from dyknow.console.output.output import unit_json
+from dyknow.federation.messages.contents import ObjectEntry, ObjectList
 from dyknow.model.instants import print_span
-from federation.messages.contents import ObjectEntry, ObjectList
-from runtime.client import Client
-from runtime.library.jobs import lists
+from dyknow.runtime.client import Client
+from dyknow.runtime.library.jobs import lists
 
 EVERY_S = 1.0
 EXISTENCE, TYPES, SEEN_BY = "existence", "types", "seen_by"

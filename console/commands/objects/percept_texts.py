@@ -3,7 +3,7 @@
 from collections.abc import Callable, Iterable, Iterator
 from itertools import chain
 
-from anchoring.percepts.motchallenge import MotSettings, has_places, is_motchallenge, percept_lines
+from dyknow.anchoring.percepts.motchallenge import MotSettings, has_places, is_motchallenge, percept_lines
 from dyknow.model.errors import TextError, WrongCall
 
 

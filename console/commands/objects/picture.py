@@ -3,13 +3,13 @@
 from collections.abc import Iterable, Mapping
 from typing import Any, Final, NamedTuple
 
-from console.command import Call
-from console.output.output import unit_json
 from dyknow import NO_VALUE, US_PER_MS, US_PER_S, as_json
+from dyknow.console.command import Call
+from dyknow.console.output.output import unit_json
+from dyknow.federation.messages.contents import ObjectPicture, PictureEntry
 from dyknow.model.instants import print_span
-from federation.messages.contents import ObjectPicture, PictureEntry
-from runtime.client import Client
-from runtime.library.jobs import lists
+from dyknow.runtime.client import Client
+from dyknow.runtime.library.jobs import lists
 
 NEW_US: Final = 20 * US_PER_S
 LOOK_S: Final = 0.3

@@ -7,16 +7,16 @@ from typing import TYPE_CHECKING, Annotated, Literal
 
 import typer
 
-from console.command import Call, command
-from console.commands.objects.documents import as_text, read_document
-from console.errors import DONE, NO
+from dyknow.console.command import Call, command
+from dyknow.console.commands.objects.documents import as_text, read_document
+from dyknow.console.errors import DONE, NO
 from dyknow.documents.durations import duration_us
 from dyknow.model.instants import print_span
 
 if TYPE_CHECKING:
-    from planning.contingent.conditional_plans import ConditionalPlan
-    from planning.contingent.files import RecoveryCase
-    from planning.contingent.sensing_problems import LookErrors
+    from dyknow.planning.contingent.conditional_plans import ConditionalPlan
+    from dyknow.planning.contingent.files import RecoveryCase
+    from dyknow.planning.contingent.sensing_problems import LookErrors
 
 SHORTEST_TIMEOUT_US = 10_000
 
@@ -36,8 +36,8 @@ def recover(
     timeout: Annotated[str, typer.Option(metavar="TIME", help="How long to search.")] = "10s",
 ) -> int:
     """A plan that looks again from elsewhere until it is certain which object it is; exit 1 with the reason if none is."""
-    from planning.contingent.files import read_recovery, recovery_record
-    from planning.contingent.recovery_planning import NoRecoveryPlan, plan_recovery
+    from dyknow.planning.contingent.files import read_recovery, recovery_record
+    from dyknow.planning.contingent.recovery_planning import NoRecoveryPlan, plan_recovery
 
     limit_us = duration_us(timeout, option="--timeout", least_us=SHORTEST_TIMEOUT_US)
     end_s = time.monotonic() + limit_us / 1e6
@@ -66,8 +66,8 @@ def _of_errors(
     call: Call, case: "RecoveryCase", errors: "LookErrors", stop: Callable[[], str], draw: str | None
 ) -> int:
     """A plan for looks that may err; it is one if it ends with an answer as probably as answers have to be."""
-    from planning.contingent.files import plan_figures_record
-    from planning.epistemic.noisy_looks import plan_noisy
+    from dyknow.planning.contingent.files import plan_figures_record
+    from dyknow.planning.epistemic.noisy_looks import plan_noisy
 
     found = plan_noisy(case.problem, errors, stop)
     is_enough = found.success >= errors.sure
@@ -91,9 +91,9 @@ def _of_errors(
 
 def _of_actions(call: Call, source: bytes, name: str, stop: Callable[[], str], draw: str | None) -> int:
     """A plan for a problem in the action language."""
-    from planning.contingent.files import plan_figures_record
-    from planning.epistemic.epistemic_search import plan_epistemic
-    from planning.epistemic.reading import read_epistemic
+    from dyknow.planning.contingent.files import plan_figures_record
+    from dyknow.planning.epistemic.epistemic_search import plan_epistemic
+    from dyknow.planning.epistemic.reading import read_epistemic
 
     found = plan_epistemic(read_epistemic(as_text(source, name), name), stop)
     if draw is None or found.plan is None:
@@ -104,13 +104,13 @@ def _of_actions(call: Call, source: bytes, name: str, stop: Callable[[], str], d
 
 
 def _draw(call: Call, plan: "ConditionalPlan", kind: str) -> None:
-    from planning.contingent.conditional_plans import dot_lines, lines, plan_record, tree_lines
+    from dyknow.planning.contingent.conditional_plans import dot_lines, lines, plan_record, tree_lines
 
     if kind == "json" or call.out.json_lines:
         call.out.line(plan_record(plan))
         return
     if kind == "svg":
-        from console.output.drawings import plan_svg
+        from dyknow.console.output.drawings import plan_svg
 
         call.out.plain(plan_svg(plan))
         return

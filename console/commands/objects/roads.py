@@ -5,16 +5,16 @@ from typing import TYPE_CHECKING, Annotated, Any
 
 import typer
 
-from console.command import Call, command
-from console.errors import DONE, NO
-from console.output.output import counted
-from console.output.shown import line, styled
-from runtime.configuration.road_files import read_bytes
+from dyknow.console.command import Call, command
+from dyknow.console.errors import DONE, NO
+from dyknow.console.output.output import counted
+from dyknow.console.output.shown import line, styled
+from dyknow.runtime.configuration.road_files import read_bytes
 
 if TYPE_CHECKING:
-    from anchoring.roads.files.problems import RoadProblem
-    from anchoring.roads.files.summary import RoadSummary
-    from anchoring.roads.network import RoadNetwork
+    from dyknow.anchoring.roads.files.problems import RoadProblem
+    from dyknow.anchoring.roads.files.summary import RoadSummary
+    from dyknow.anchoring.roads.network import RoadNetwork
 
 
 @command(example="dyknow roads check town.geojson")
@@ -25,8 +25,8 @@ def check(
     ],
 ) -> int:
     """The contents of a road network, and every problem of its file; exit 1 if one is an error."""
-    from anchoring.roads.files.formats import format_of, survey_any
-    from anchoring.roads.files.summary import summary_of
+    from dyknow.anchoring.roads.files.formats import format_of, survey_any
+    from dyknow.anchoring.roads.files.summary import summary_of
 
     text = read_bytes(file, "FILE")
     survey = survey_any(text)

@@ -6,14 +6,14 @@ from typing import Annotated, Literal, TypeAlias
 
 import typer
 
-from console.centre.client import connected
-from console.command import Call, command
-from console.commands.texts.specification_files import read_text
-from console.errors import DONE, NO
+from dyknow.console.centre.client import connected
+from dyknow.console.command import Call, command
+from dyknow.console.commands.texts.specification_files import read_text
+from dyknow.console.errors import DONE, NO
 from dyknow.model.instants import print_span
-from runtime.library.pictures.saliency import FoundPerson, SaliencyPicture, geojson, saliency_map
-from runtime.library.pictures.saliency_drawing import saliency_svg
-from runtime.library.pictures.supplies import supply_goals
+from dyknow.runtime.library.pictures.saliency import FoundPerson, SaliencyPicture, geojson, saliency_map
+from dyknow.runtime.library.pictures.saliency_drawing import saliency_svg
+from dyknow.runtime.library.pictures.supplies import supply_goals
 
 Format: TypeAlias = Literal["table", "json", "geojson", "svg"]
 

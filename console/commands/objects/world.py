@@ -5,9 +5,9 @@ from typing import Annotated
 
 import typer
 
-from console.command import Call, command
-from console.commands.objects.link import LeftOutLines
-from console.commands.texts.specification_files import read_text, recorded_lines
+from dyknow.console.command import Call, command
+from dyknow.console.commands.objects.link import LeftOutLines
+from dyknow.console.commands.texts.specification_files import read_text, recorded_lines
 from dyknow.model.errors import WrongCall
 
 
@@ -36,13 +36,13 @@ def world(
     ] = None,
 ) -> int:
     """Existing objects, their types and places, with degrees of belief; exit 2 if lines had to be left out."""
-    from anchoring.belief.environment import EnvironmentModel
-    from anchoring.belief.files.knowledge import print_known, read_knowledge
-    from anchoring.belief.files.lines import ObservationReader
-    from anchoring.belief.files.models import read_world_model
-    from anchoring.belief.knowledge.informed import InformedModel
-    from anchoring.belief.knowledge.memory import PriorKnowledge
-    from console.commands.objects.world_output import WorldOutput
+    from dyknow.anchoring.belief.environment import EnvironmentModel
+    from dyknow.anchoring.belief.files.knowledge import print_known, read_knowledge
+    from dyknow.anchoring.belief.files.lines import ObservationReader
+    from dyknow.anchoring.belief.files.models import read_world_model
+    from dyknow.anchoring.belief.knowledge.informed import InformedModel
+    from dyknow.anchoring.belief.knowledge.memory import PriorKnowledge
+    from dyknow.console.commands.objects.world_output import WorldOutput
 
     if observations is None:
         raise WrongCall("give the recorded observations: --observations FILE.jsonl.")

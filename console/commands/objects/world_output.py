@@ -5,15 +5,15 @@ from collections.abc import Iterable, Mapping, Sequence
 from math import isinf
 from typing import TYPE_CHECKING, Any
 
-from anchoring.belief.description import ALTITUDE, POSITION
-from console.command import Call
-from console.output.shown import Shown, line, styled
+from dyknow.anchoring.belief.description import ALTITUDE, POSITION
+from dyknow.console.command import Call
+from dyknow.console.output.shown import Shown, line, styled
 from dyknow.model.instants import US_PER_MS, US_PER_S
 
 if TYPE_CHECKING:
-    from anchoring.belief.knowledge.informed import InformationRequest, InformedModel
-    from anchoring.belief.reports import BelievedInstance, LifeEvent, UpdateReport
-    from navigation import LocalFrame
+    from dyknow.anchoring.belief.knowledge.informed import InformationRequest, InformedModel
+    from dyknow.anchoring.belief.reports import BelievedInstance, LifeEvent, UpdateReport
+    from dyknow.navigation import LocalFrame
 
 MOST_SHOWN = 100
 """Instances in one line; the most certain ones."""

@@ -5,9 +5,9 @@ from typing import Annotated, Literal
 
 import typer
 
-from console.arguments import Duration
-from console.command import Call, command
-from console.commands.outward.passing import (
+from dyknow.console.arguments import Duration
+from dyknow.console.command import Call, command
+from dyknow.console.commands.outward.passing import (
     SHORTEST_PERIOD_US,
     Beyond,
     Every,
@@ -16,13 +16,13 @@ from console.commands.outward.passing import (
     place,
     send,
 )
-from console.picture.differences import Row
-from console.picture.things import AIRCRAFT, PLATFORM_LABELS, ThingState, ThingStates
+from dyknow.console.picture.differences import Row
+from dyknow.console.picture.things import AIRCRAFT, PLATFORM_LABELS, ThingState, ThingStates
 from dyknow.documents.durations import SHORTEST_US, duration_us
 from dyknow.model.errors import WrongCall
-from proxies.outward.cot import ALARM, UAV, UNKNOWN_AIR, UNKNOWN_GROUND, CotMotion, CotPoint, cot_event
-from proxies.outward.outlets import Outlet, parse_destination
-from runtime.client import Client
+from dyknow.proxies.outward.cot import ALARM, UAV, UNKNOWN_AIR, UNKNOWN_GROUND, CotMotion, CotPoint, cot_event
+from dyknow.proxies.outward.outlets import Outlet, parse_destination
+from dyknow.runtime.client import Client
 
 
 @command(example="dyknow cot --to udp://127.0.0.1:6969 --alarms")

@@ -5,18 +5,18 @@ from typing import Annotated
 
 import typer
 
-from console.arguments import Duration
-from console.centre.client import connected
-from console.command import Call, command
-from console.commands.outward.passing import THERE, Beyond, check_reach, pass_on
-from console.errors import DONE, INTERRUPTED
-from console.output.output import counted
-from console.output.shown import line, styled
-from console.processes.supervision import interruptible
+from dyknow.console.arguments import Duration
+from dyknow.console.centre.client import connected
+from dyknow.console.command import Call, command
+from dyknow.console.commands.outward.passing import THERE, Beyond, check_reach, pass_on
+from dyknow.console.errors import DONE, INTERRUPTED
+from dyknow.console.output.output import counted
+from dyknow.console.output.shown import line, styled
+from dyknow.console.processes.supervision import interruptible
 from dyknow.documents.durations import SHORTEST_US, duration_us
-from runtime.client import Client
-from runtime.library.questions import check_streamed
-from runtime.recorder.live import LiveServer
+from dyknow.runtime.client import Client
+from dyknow.runtime.library.questions import check_streamed
+from dyknow.runtime.recorder.live import LiveServer
 
 
 @command(example="dyknow foxglove --port 8765")

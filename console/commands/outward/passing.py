@@ -8,17 +8,17 @@ from typing import Annotated, Final, TypeAlias
 
 import typer
 
-from console.centre.client import connected
-from console.command import Call
-from console.errors import DONE, INTERRUPTED
-from console.output.output import counted
-from console.output.shown import line, styled
-from console.picture.things import ThingStates
-from console.processes.supervision import interruptible
+from dyknow.console.centre.client import connected
+from dyknow.console.command import Call
+from dyknow.console.errors import DONE, INTERRUPTED
+from dyknow.console.output.output import counted
+from dyknow.console.output.shown import line, styled
+from dyknow.console.picture.things import ThingStates
+from dyknow.console.processes.supervision import interruptible
 from dyknow.model.errors import WrongCall
-from proxies.outward.outlets import Destination, Outlet
-from runtime.client import Client
-from runtime.recorder.recorder import Recorder, Sink
+from dyknow.proxies.outward.outlets import Destination, Outlet
+from dyknow.runtime.client import Client
+from dyknow.runtime.recorder.recorder import Recorder, Sink
 
 THERE: Final = "127.0.0.1"
 Beyond: TypeAlias = Annotated[

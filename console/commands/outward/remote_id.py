@@ -5,9 +5,9 @@ from typing import Annotated
 
 import typer
 
-from console.arguments import Duration
-from console.command import Call, command
-from console.commands.outward.passing import (
+from dyknow.console.arguments import Duration
+from dyknow.console.command import Call, command
+from dyknow.console.commands.outward.passing import (
     SHORTEST_PERIOD_US,
     Beyond,
     Every,
@@ -15,12 +15,12 @@ from console.commands.outward.passing import (
     Undulation,
     send,
 )
-from console.picture.things import PLATFORM_LABELS, ThingState, ThingStates
+from dyknow.console.picture.things import PLATFORM_LABELS, ThingState, ThingStates
 from dyknow.documents.durations import SHORTEST_US, duration_us
 from dyknow.model.errors import WrongCall
-from proxies.outward.outlets import Outlet, parse_destination
-from proxies.outward.remote_id import RemoteIdMessages, RemoteIdState, check_serial
-from runtime.client import Client
+from dyknow.proxies.outward.outlets import Outlet, parse_destination
+from dyknow.proxies.outward.remote_id import RemoteIdMessages, RemoteIdState, check_serial
+from dyknow.runtime.client import Client
 
 
 @command(example="dyknow remote-id --to udp://127.0.0.1:14560 --serial 7=1A2B5X7Y9Z")

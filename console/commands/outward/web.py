@@ -14,17 +14,17 @@ from typing import TYPE_CHECKING, Annotated, Any
 
 import typer
 
-from console.command import Call, command
-from console.errors import DONE
-from console.output.shown import line, styled
-from console.web.access import Access
+from dyknow.console.command import Call, command
+from dyknow.console.errors import DONE
+from dyknow.console.output.shown import line, styled
+from dyknow.console.web.access import Access
 from dyknow.documents.durations import SHORTEST_US, duration_us
 from dyknow.model.errors import WrongCall
 
 if TYPE_CHECKING:
-    from console.web.feeds import RecordedFeed
-    from console.web.joining import PageMember
-    from runtime.client import Client
+    from dyknow.console.web.feeds import RecordedFeed
+    from dyknow.console.web.joining import PageMember
+    from dyknow.runtime.client import Client
 
 PORT = 8420
 
@@ -113,9 +113,9 @@ def _show_recording(
     place: tuple[float, float] | None,
     tiles: Path | None,
 ) -> int:
-    from console.web.feeds import RecordedFeed, RecordingViewer
-    from console.web.server import PageServer
-    from runtime.recordings.recorded import FederationRecording
+    from dyknow.console.web.feeds import RecordedFeed, RecordingViewer
+    from dyknow.console.web.server import PageServer
+    from dyknow.runtime.recordings.recorded import FederationRecording
 
     feed = RecordedFeed(FederationRecording(file), place)
     _told(call, access, listener, f"recording {file}")
@@ -142,9 +142,9 @@ def _show_federation(
     every_us: int | None,
 ) -> int:
     _told(call, access, listener, f"federation {call.settings.federation}")
-    from console.web.joining import PageMember
-    from console.web.server import PageServer
-    from console.web.views import LiveFeed
+    from dyknow.console.web.joining import PageMember
+    from dyknow.console.web.server import PageServer
+    from dyknow.console.web.views import LiveFeed
 
     feed = LiveFeed(call.settings.federation)
     member = PageMember(lambda: _joined(call), feed, labels, every_us, place, lambda: _tasks(call))
@@ -163,13 +163,13 @@ def _show_federation(
 
 
 def _joined(call: Call) -> "Client":
-    from console.centre.client import client_of
+    from dyknow.console.centre.client import client_of
 
     return client_of(call)
 
 
 def _tasks(call: Call) -> list[str]:
-    from runtime.configuration.wording import typed
+    from dyknow.runtime.configuration.wording import typed
 
     return sorted(typed(call.settings.extensions))
 
@@ -189,7 +189,7 @@ def _serve(app: Any, access: Access, listener: socket.socket, member: "PageMembe
     """Until Ctrl-C; the member joins its federation once the page is served."""
     import uvicorn
 
-    from console.web.connections import uvicorn_settings
+    from dyknow.console.web.connections import uvicorn_settings
 
     class Server(uvicorn.Server):
         async def startup(self, sockets: list[socket.socket] | None = None) -> None:

@@ -6,16 +6,16 @@ from typing import Annotated, Any
 
 import typer
 
-from console.command import Call, command
-from console.errors import DONE
-from console.output.output import counted, unit_json
-from console.output.shown import Shown, styled
+from dyknow.console.command import Call, command
+from dyknow.console.errors import DONE
+from dyknow.console.output.output import counted, unit_json
+from dyknow.console.output.shown import Shown, styled
+from dyknow.federation.members.directory import unit_order
 from dyknow.model.instants import EPOCH, print_span
-from federation.members.directory import unit_order
-from runtime.configuration.instants import clock_time
-from runtime.recordings.recorded import FederationRecording, mend
-from runtime.recordings.recording_file import ACT, MONITOR
-from runtime.recordings.summary import AlarmSummary, RecordingSummary, StreamSummary, summary_of
+from dyknow.runtime.configuration.instants import clock_time
+from dyknow.runtime.recordings.recorded import FederationRecording, mend
+from dyknow.runtime.recordings.recording_file import ACT, MONITOR
+from dyknow.runtime.recordings.summary import AlarmSummary, RecordingSummary, StreamSummary, summary_of
 
 _BEGINNING_US = 2_000_000
 Recording = Annotated[Path, typer.Argument(metavar="FILE.mcap", help="A recording of a federation.")]

@@ -6,20 +6,20 @@ from typing import Annotated
 
 import typer
 
-from console.arguments import Unit
-from console.command import Call, command
-from console.commands.recordings.info import tell_unread
-from console.errors import DONE
-from console.output.output import counted
-from console.plots.plot import MOST_PANELS, Band, Plot, check_file, draw
-from console.plots.streams import MOST_SAMPLES, Point, recorded_bands, recorded_points, stream_plot
+from dyknow.console.arguments import Unit
+from dyknow.console.command import Call, command
+from dyknow.console.commands.recordings.info import tell_unread
+from dyknow.console.errors import DONE
+from dyknow.console.output.output import counted
+from dyknow.console.plots.plot import MOST_PANELS, Band, Plot, check_file, draw
+from dyknow.console.plots.streams import MOST_SAMPLES, Point, recorded_bands, recorded_points, stream_plot
+from dyknow.federation.messages.contents import Reading
 from dyknow.model.errors import NothingFound, did_you_mean
 from dyknow.model.values import NoValue
-from federation.messages.contents import Reading
-from runtime.configuration.instants import instant_us
-from runtime.library.questions import Which, check_name
-from runtime.recordings.recorded import FederationRecording
-from runtime.recordings.summary import RecordingSummary, summary_of
+from dyknow.runtime.configuration.instants import instant_us
+from dyknow.runtime.library.questions import Which, check_name
+from dyknow.runtime.recordings.recorded import FederationRecording
+from dyknow.runtime.recordings.summary import RecordingSummary, summary_of
 
 _TIMEOUT_S = 3.0
 
@@ -79,8 +79,8 @@ def _instants(found: RecordingSummary, between: tuple[str, str]) -> tuple[int, i
 
 
 def _from_platforms(call: Call, labels: Sequence[str], unit: str | None, between: tuple[str, str]) -> tuple[Plot, int]:
-    from console.centre.client import connected
-    from runtime.library.jobs import readings_of
+    from dyknow.console.centre.client import connected
+    from dyknow.runtime.library.jobs import readings_of
 
     points: list[Point] = []
     with connected(call) as client:

@@ -8,21 +8,21 @@ from typing import Annotated
 
 import typer
 
-from console.arguments import Duration
-from console.centre.client import connected
-from console.command import Call, command
-from console.errors import DONE, FAILED, INTERRUPTED
-from console.output.output import counted
-from console.output.shown import line, styled
-from console.processes.supervision import interruptible
+from dyknow.console.arguments import Duration
+from dyknow.console.centre.client import connected
+from dyknow.console.command import Call, command
+from dyknow.console.errors import DONE, FAILED, INTERRUPTED
+from dyknow.console.output.output import counted
+from dyknow.console.output.shown import line, styled
+from dyknow.console.processes.supervision import interruptible
 from dyknow.documents.durations import SHORTEST_US, duration_us
 from dyknow.model.errors import WrongCall
 from dyknow.model.instants import print_span
-from runtime.client import Client
-from runtime.library.questions import check_streamed
-from runtime.recorder.recorder import Recorder
-from runtime.recordings.recording_file import ACT, ALARM, SAMPLE, RecordingFile
-from runtime.recordings.summary import about_of
+from dyknow.runtime.client import Client
+from dyknow.runtime.library.questions import check_streamed
+from dyknow.runtime.recorder.recorder import Recorder
+from dyknow.runtime.recordings.recording_file import ACT, ALARM, SAMPLE, RecordingFile
+from dyknow.runtime.recordings.summary import about_of
 
 _SIZE = re.compile(r"([0-9]+(?:\.[0-9]+)?)\s*(kB|MB|GB)")
 _BYTES = {"kB": 1_000, "MB": 1_000_000, "GB": 1_000_000_000}

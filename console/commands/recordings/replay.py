@@ -6,29 +6,29 @@ from typing import Annotated, Any
 
 import typer
 
-from agents.capabilities.flight.options import AvoidanceOptions
-from console.arguments import Speed
-from console.command import Call, command
-from console.commands.fleet.join import fits_in
-from console.commands.fleet.up import READY_S, FleetStart
-from console.commands.recordings.info import Recording, tell_unread
-from console.errors import DONE, INTERRUPTED
-from console.output.output import counted, unit_json
-from console.output.shown import line, styled
-from console.processes.launch import platform_config
-from console.processes.supervision import Fleet, interruptible, outlasting, uninterrupted
+from dyknow.agents.capabilities.flight.options import AvoidanceOptions
+from dyknow.console.arguments import Speed
+from dyknow.console.command import Call, command
+from dyknow.console.commands.fleet.join import fits_in
+from dyknow.console.commands.fleet.up import READY_S, FleetStart
+from dyknow.console.commands.recordings.info import Recording, tell_unread
+from dyknow.console.errors import DONE, INTERRUPTED
+from dyknow.console.output.output import counted, unit_json
+from dyknow.console.output.shown import line, styled
+from dyknow.console.processes.launch import platform_config
+from dyknow.console.processes.supervision import Fleet, interruptible, outlasting, uninterrupted
 from dyknow.documents.durations import duration_us
+from dyknow.federation.members.clock import FederationClock
+from dyknow.federation.members.directory import unit_order
 from dyknow.model.errors import FederationFailed, NothingFound, WrongCall
 from dyknow.model.instants import print_span
-from federation.members.clock import FederationClock
-from federation.members.directory import unit_order
-from runtime.configuration.config import ClockConfig, NodeConfig, RecordedVehicle
-from runtime.configuration.instants import clock_time
-from runtime.configuration.run_directory import JOINED, ProcessState, run_directory, this_process, write_state
-from runtime.configuration.settings import UnitFile
-from runtime.recordings.playback import shift_us
-from runtime.recordings.recorded import FederationRecording
-from runtime.recordings.summary import RecordingSummary, summary_of
+from dyknow.runtime.configuration.config import ClockConfig, NodeConfig, RecordedVehicle
+from dyknow.runtime.configuration.instants import clock_time
+from dyknow.runtime.configuration.run_directory import JOINED, ProcessState, run_directory, this_process, write_state
+from dyknow.runtime.configuration.settings import UnitFile
+from dyknow.runtime.recordings.playback import shift_us
+from dyknow.runtime.recordings.recorded import FederationRecording
+from dyknow.runtime.recordings.summary import RecordingSummary, summary_of
 
 MOST_UNITS = 64
 _LEAD_US = 3_000_000

@@ -7,18 +7,18 @@ from typing import TYPE_CHECKING, Annotated, Any, NamedTuple
 
 import typer
 
-from console.arguments import Unit
-from console.command import Call, command
-from console.commands.texts.specification_files import read_lines
-from console.errors import DONE, NO
-from console.output.shown import line, stacked, styled
+from dyknow.console.arguments import Unit
+from dyknow.console.command import Call, command
+from dyknow.console.commands.texts.specification_files import read_lines
+from dyknow.console.errors import DONE, NO
+from dyknow.console.output.shown import line, stacked, styled
 from dyknow.documents.durations import SHORTEST_US, duration_us
 from dyknow.model.errors import WrongCall, did_you_mean
 from dyknow.model.values import NO_VALUE
-from runtime.configuration.instants import clock_time
+from dyknow.runtime.configuration.instants import clock_time
 
 if TYPE_CHECKING:
-    from reasoning import Trace
+    from dyknow.reasoning import Trace
 
 MOST_REASONS = 5
 """The most reasons that are printed; JSON has them all."""
@@ -52,7 +52,7 @@ def check(
 ) -> int:
     """A formula over a recorded trace, or over a platform's live states; exit 1 if it is violated."""
     if plot is not None:
-        from console.plots.plot import check_file
+        from dyknow.console.plots.plot import check_file
 
         check_file(plot)
         if trace is None:
@@ -65,9 +65,9 @@ def check(
 
 
 def _over_trace(call: Call, text: str, path: Path, plot: Path | None = None) -> int:
-    from kpl import Vocabulary, lint, print_formula, read_formula
-    from kpl import check as resolve
-    from reasoning import follow_trace, read_trace, remaining, required_labels, trace_domains
+    from dyknow.kpl import Vocabulary, lint, print_formula, read_formula
+    from dyknow.kpl import check as resolve
+    from dyknow.reasoning import follow_trace, read_trace, remaining, required_labels, trace_domains
 
     formula = read_formula(text)
     trace = read_lines(path, read_trace, "--trace", "a trace is a text of JSON lines")
@@ -85,8 +85,8 @@ def _over_trace(call: Call, text: str, path: Path, plot: Path | None = None) -> 
             call.out.note(f"note: {label} has no value anywhere in {path}.{did_you_mean(label, labels)}")
     (verdict, t_ms, index), progression = follow_trace(formula, trace.states, domains)
     if plot is not None:
-        from console.plots.plot import draw
-        from console.plots.traces import trace_plot
+        from dyknow.console.plots.plot import draw
+        from dyknow.console.plots.traces import trace_plot
 
         named = {str(label) for label in required_labels(formula, domains)} & known
         draw(trace_plot(text, formula, trace, domains, named, (verdict, t_ms, index)), plot)
@@ -124,11 +124,11 @@ def _note_of(call: Call, trace: "Trace", file: str) -> None:
 
 
 def _live(call: Call, text: str, unit: str, timeout_s: float) -> int:
-    from console.centre.client import connected
-    from federation.messages.acts import Performative
-    from federation.messages.contents import CheckFormula, Verdict
-    from kpl import parse_formula
-    from runtime.library.jobs import failure_of
+    from dyknow.console.centre.client import connected
+    from dyknow.federation.messages.acts import Performative
+    from dyknow.federation.messages.contents import CheckFormula, Verdict
+    from dyknow.kpl import parse_formula
+    from dyknow.runtime.library.jobs import failure_of
 
     parse_formula(text)
     content = CheckFormula(text=text, timeout_s=timeout_s)

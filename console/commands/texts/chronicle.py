@@ -7,20 +7,20 @@ from typing import TYPE_CHECKING, Annotated
 
 import typer
 
-from console.arguments import Unit
-from console.command import Call, command
-from console.commands.texts.specification_files import opened, read_text
-from console.errors import DONE, NO
-from console.output.output import unit_json
-from console.output.shown import line, styled
+from dyknow.console.arguments import Unit
+from dyknow.console.command import Call, command
+from dyknow.console.commands.texts.specification_files import opened, read_text
+from dyknow.console.errors import DONE, NO
+from dyknow.console.output.output import unit_json
+from dyknow.console.output.shown import line, styled
 from dyknow.documents.durations import SHORTEST_US, duration_us
 from dyknow.model.errors import ChronicleError, TextError, WrongCall, did_you_mean
-from runtime.configuration.instants import clock_time
+from dyknow.runtime.configuration.instants import clock_time
 
 if TYPE_CHECKING:
-    from federation.messages.contents import Content, Expected
-    from reasoning.chronicles import ChronicleFile, ChronicleInstance, Recogniser
-    from reasoning.chronicles.recognition.events import RecordedEvent
+    from dyknow.federation.messages.contents import Content, Expected
+    from dyknow.reasoning.chronicles import ChronicleFile, ChronicleInstance, Recogniser
+    from dyknow.reasoning.chronicles.recognition.events import RecordedEvent
 
 _MOST_ROWS = 10_000
 _STEP_S = 0.2
@@ -64,7 +64,7 @@ def chronicle(
 
 def chronicles_of(file: Path) -> "tuple[str, ChronicleFile]":
     """The text, and its declarations; raises WrongCall and TextErrors."""
-    from kpl import parse_chronicles
+    from dyknow.kpl import parse_chronicles
 
     text = read_text(file)
     found = parse_chronicles(text)
@@ -74,7 +74,7 @@ def chronicles_of(file: Path) -> "tuple[str, ChronicleFile]":
 
 
 def _recogniser(file: Path, max_age: str | None) -> "Recogniser":
-    from reasoning.chronicles import Recogniser
+    from dyknow.reasoning.chronicles import Recogniser
 
     _, found = chronicles_of(file)
     max_age_ms = None if max_age is None else duration_us(max_age, option="--max-age", least_us=1000) // 1000
@@ -97,7 +97,7 @@ class _Recognition:
         self._ignored, self._ignored_line = 0, 0
 
     def all(self, lines: Iterator[str]) -> None:
-        from reasoning.chronicles.recognition.events import read_events
+        from dyknow.reasoning.chronicles.recognition.events import read_events
 
         for event in read_events(lines, self._file):
             for instance in event.told_to(self._recogniser):
@@ -197,18 +197,18 @@ class _Recognition:
 
 
 def _shown(at_ms: int) -> int | str:
-    from reasoning.chronicles import MINUS_INFINITY
+    from dyknow.reasoning.chronicles import MINUS_INFINITY
 
     return "-oo" if at_ms == MINUS_INFINITY else at_ms
 
 
 def _live(call: Call, file: Path, unit: str, seconds: float, delay_s: float | None, *, partial: bool) -> int:
     """Each instance on a platform as it becomes certain; 0 if something was recognised, 1 if nothing."""
-    from console.centre.client import connected
-    from federation.messages.acts import Performative
-    from federation.messages.contents import Recognise
-    from federation.messages.contents.chronicles import LONGEST
-    from runtime.library.jobs import failure_of
+    from dyknow.console.centre.client import connected
+    from dyknow.federation.messages.acts import Performative
+    from dyknow.federation.messages.contents import Recognise
+    from dyknow.federation.messages.contents.chronicles import LONGEST
+    from dyknow.runtime.library.jobs import failure_of
 
     text, _ = chronicles_of(file)
     if len(text) > LONGEST:
@@ -237,9 +237,9 @@ def _live(call: Call, file: Path, unit: str, seconds: float, delay_s: float | No
 
 def _tell_live(call: Call, unit: str, said: "Content") -> bool:
     """Print a note or an instance of a platform; whether it is an instance."""
-    from console.output.predictions import prediction_text
-    from federation.messages.contents import Expected, Reason, Recognised
-    from reasoning.chronicles.recognition.changes import symbol
+    from dyknow.console.output.predictions import prediction_text
+    from dyknow.federation.messages.contents import Expected, Reason, Recognised
+    from dyknow.reasoning.chronicles.recognition.changes import symbol
 
     if isinstance(said, Reason):
         call.out.note(f"note: {said.text}")

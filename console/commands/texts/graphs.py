@@ -2,18 +2,18 @@
 
 from typing import TYPE_CHECKING, Literal, TypeAlias
 
-from console.command import Call
+from dyknow.console.command import Call
 
 if TYPE_CHECKING:
-    from kpl import Instance
+    from dyknow.kpl import Instance
 
 GraphForm: TypeAlias = Literal["text", "json", "mermaid", "dot", "svg"]
 
 
 def show_graph(call: Call, instance: "Instance", form: str) -> None:
     """Print the network in a form."""
-    from kpl.introspection.drawings import as_json, drawn
-    from kpl.introspection.graph import graph_of
+    from dyknow.kpl.introspection.drawings import as_json, drawn
+    from dyknow.kpl.introspection.graph import graph_of
 
     found = graph_of(instance)
     if call.out.json_lines or form == "json":

@@ -5,16 +5,16 @@ from typing import Annotated, TypeAlias
 
 import typer
 
-from console.centre.client import connected
-from console.command import Call, command
-from console.errors import DONE, NO
-from console.output.output import counted, unit_json
-from console.output.shown import line, styled
+from dyknow.console.centre.client import connected
+from dyknow.console.command import Call, command
+from dyknow.console.errors import DONE, NO
+from dyknow.console.output.output import counted, unit_json
+from dyknow.console.output.shown import line, styled
+from dyknow.federation.sharing.ontology import default_ontology
 from dyknow.model.errors import TextError, TextErrors
 from dyknow.model.semantic_labels import BUILT_IN, SemanticLabel
-from federation.sharing.ontology import default_ontology
-from runtime.configuration.ontologies import read_ontology
-from runtime.library.meanings import meanings, offering
+from dyknow.runtime.configuration.ontologies import read_ontology
+from dyknow.runtime.library.meanings import meanings, offering
 
 OntologyFile: TypeAlias = Annotated[Path, typer.Argument(metavar="FILE.toml", help="A file of semantic labels.")]
 

@@ -6,16 +6,16 @@ from typing import TYPE_CHECKING, Annotated, Literal
 
 import typer
 
-from console.command import Call, command
-from console.commands.texts.specification_files import read_text
-from console.errors import DONE, NO
+from dyknow.console.command import Call, command
+from dyknow.console.commands.texts.specification_files import read_text
+from dyknow.console.errors import DONE, NO
 from dyknow.documents.durations import duration_us
 from dyknow.model.errors import WrongCall
 from dyknow.model.instants import print_span
 
 if TYPE_CHECKING:
-    from planning import Declarations, NoPlan, PlanFound
-    from planning.execution.generation import PlanMonitor
+    from dyknow.planning import Declarations, NoPlan, PlanFound
+    from dyknow.planning.execution.generation import PlanMonitor
 
 SHORTEST_TIMEOUT_US = 10_000
 
@@ -38,7 +38,7 @@ def plan(
     ] = None,
 ) -> int:
     """A plan for a problem: its actions with times and its cost; exit 1 with the reason if there is none."""
-    from planning import PlanFound, Strategy, find_plan
+    from dyknow.planning import PlanFound, Strategy, find_plan
 
     limit_us = duration_us(timeout, option="--timeout", least_us=SHORTEST_TIMEOUT_US)
     declared, asked = _read(domain, problem)
@@ -64,8 +64,8 @@ def _monitors(
     call: Call, domain: "Declarations", problem: "Declarations", found: "PlanFound", *files: Path
 ) -> "tuple[PlanMonitor, ...]":
     """The monitors of a plan; hints on them are notes."""
-    from planning.execution.generation import plan_monitors, unmonitored
-    from planning.execution.hints import monitor_hints
+    from dyknow.planning.execution.generation import plan_monitors, unmonitored
+    from dyknow.planning.execution.hints import monitor_hints
 
     for hint in monitor_hints(domain.joined(problem)):
         where = f"{files[hint.is_goal]}:{hint.place.line}:{hint.place.column}"
@@ -83,10 +83,10 @@ def _monitors(
 
 def _read(domain: Path, problem: Path) -> "tuple[Declarations, Declarations]":
     """Both texts, of PDDL if they are named so."""
-    from planning import parse_domain, parse_problem
+    from dyknow.planning import parse_domain, parse_problem
 
     if domain.suffix == problem.suffix == ".pddl":
-        from planning.symbolic.importing import read_pddl
+        from dyknow.planning.symbolic.importing import read_pddl
 
         return read_pddl(read_text(domain), read_text(problem))
     declared = parse_domain(read_text(domain))
@@ -94,7 +94,7 @@ def _read(domain: Path, problem: Path) -> "tuple[Declarations, Declarations]":
 
 
 def _written(call: Call, domain: "Declarations", problem: "Declarations", folder: Path) -> int:
-    from planning.symbolic.exporting import to_unified
+    from dyknow.planning.symbolic.exporting import to_unified
 
     found = to_unified(domain, problem)
     try:

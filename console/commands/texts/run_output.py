@@ -5,13 +5,13 @@ from collections.abc import Callable
 from pathlib import Path
 from typing import Any, Final
 
-from console.command import Call
-from console.output.output import counted
-from console.output.predictions import prediction_json, prediction_text
-from console.output.shown import Shown, line, styled
 from dyknow import Predicted
+from dyknow.console.command import Call
+from dyknow.console.output.output import counted
+from dyknow.console.output.predictions import prediction_json, prediction_text
+from dyknow.console.output.shown import Shown, line, styled
 from dyknow.model.instants import US_PER_S, print_span
-from runtime.configuration.instants import clock_time
+from dyknow.runtime.configuration.instants import clock_time
 
 
 def tell_record(call: Call, said: dict[str, Any], *, begins_us: int | None = None) -> None:

@@ -5,17 +5,17 @@ from typing import TYPE_CHECKING, Annotated
 
 import typer
 
-from console.centre.client import connected
-from console.command import Call, command
-from console.commands.texts.specification_files import read_text
-from console.errors import DONE
-from console.output.output import unit_json
-from console.output.shown import line, styled
+from dyknow.console.centre.client import connected
+from dyknow.console.command import Call, command
+from dyknow.console.commands.texts.specification_files import read_text
+from dyknow.console.errors import DONE
+from dyknow.console.output.output import unit_json
+from dyknow.console.output.shown import line, styled
 from dyknow.model.errors import SourceText, WrongCall
-from proxies.files.named_files import beside
+from dyknow.proxies.files.named_files import beside
 
 if TYPE_CHECKING:
-    from federation.messages.contents import Content, NamedText, SpecificationChanged
+    from dyknow.federation.messages.contents import Content, NamedText, SpecificationChanged
 
 Units = Annotated[
     list[str], typer.Option("--unit", metavar="U", help="The platform to change (repeatable).", show_default=False)
@@ -28,7 +28,7 @@ _ANSWER_S = 5.0
 @command(example="dyknow kpl add 'monitor low = always altitude[self] > 30' --unit 0")
 def add(call: Call, text: Given, *, unit: Units) -> int:
     """Have running platforms declare more; their present declarations continue."""
-    from federation.messages.contents import AddDeclarations
+    from dyknow.federation.messages.contents import AddDeclarations
 
     given, files = _read(text)
     return _change(call, AddDeclarations(text=given, files=files, file=given.file), unit)
@@ -37,7 +37,7 @@ def add(call: Call, text: Given, *, unit: Units) -> int:
 @command(example="dyknow kpl load mission.kpl --unit 0 --unit 1")
 def load(call: Call, text: Given, *, unit: Units) -> int:
     """Have running platforms hold this specification in place of theirs; declarations of both continue."""
-    from federation.messages.contents import LoadSpecification
+    from dyknow.federation.messages.contents import LoadSpecification
 
     given, files = _read(text)
     return _change(call, LoadSpecification(text=given, files=files, file=given.file), unit)
@@ -54,8 +54,8 @@ def remove(
     unit: Units,
 ) -> int:
     """Have running platforms declare something no more."""
-    from federation.messages.contents import RemoveDeclarations
-    from federation.messages.contents.platform import MAX_NAMES
+    from dyknow.federation.messages.contents import RemoveDeclarations
+    from dyknow.federation.messages.contents.platform import MAX_NAMES
 
     if len(names) > MAX_NAMES or any(len(name) > 1024 for name in names):
         raise WrongCall(f"at most {MAX_NAMES} names are removed at once, each of at most 1024 characters.")
@@ -64,10 +64,10 @@ def remove(
 
 def _read(given: str) -> "tuple[SourceText, tuple[NamedText, ...]]":
     """A text and the files that it names; raises WrongCall and TextErrors, before anything is sent."""
-    from federation.messages.contents import NamedText
-    from federation.messages.contents.parts import LONGEST_TEXT
-    from federation.messages.contents.platform import MAX_FILES
-    from kpl import parse_specification
+    from dyknow.federation.messages.contents import NamedText
+    from dyknow.federation.messages.contents.parts import LONGEST_TEXT
+    from dyknow.federation.messages.contents.platform import MAX_FILES
+    from dyknow.kpl import parse_specification
 
     path = Path(given) if given.endswith(SUFFIX) else None
     text = SourceText(given, "TEXT") if path is None else read_text(path)
@@ -91,9 +91,9 @@ def _read(given: str) -> "tuple[SourceText, tuple[NamedText, ...]]":
 
 def _change(call: Call, content: "Content", units: list[str]) -> int:
     """Ask every platform, show what each has done, and raise the first refusal."""
-    from federation.messages.acts import Performative
-    from federation.messages.contents import SpecificationChanged
-    from runtime.library.jobs import failure_of
+    from dyknow.federation.messages.acts import Performative
+    from dyknow.federation.messages.contents import SpecificationChanged
+    from dyknow.runtime.library.jobs import failure_of
 
     with connected(call) as client:
         chosen = list(dict.fromkeys(name for unit in units for name in client.chosen(unit)))

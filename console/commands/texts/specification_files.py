@@ -6,15 +6,15 @@ from contextlib import contextmanager
 from pathlib import Path
 from typing import TYPE_CHECKING, BinaryIO, TypeVar
 
-from agents.specification.options import RunOptions, SpecificationOptions
+from dyknow.agents.specification.options import RunOptions, SpecificationOptions
 from dyknow.model.errors import SourceText, WrongCall
-from proxies.files.named_files import bounded_text, opened_file, text_lines
+from dyknow.proxies.files.named_files import bounded_text, opened_file, text_lines
 
 if TYPE_CHECKING:
     from dyknow import Network, Prototype
-    from kpl import Hooks, Instance, Specification
-    from proxies.recordings.sample_file import FedSample
-    from runtime.configuration.settings import UnitFile
+    from dyknow.kpl import Hooks, Instance, Specification
+    from dyknow.proxies.recordings.sample_file import FedSample
+    from dyknow.runtime.configuration.settings import UnitFile
 
 Read = TypeVar("Read")
 LONGEST_FILE = 1 << 20
@@ -66,7 +66,7 @@ def opened(path: Path, option: str, what: str) -> Iterator[Iterator[str]]:
 def recorded_lines(path: Path, option: str, what: str) -> Iterator[Iterator[bytes]]:
     """The lines of a file, or of standard input if that is called `-`, one by one; raises WrongCall as `opened`."""
     from dyknow.documents.json_lines import LIMIT_LINE
-    from proxies.files.piped_lines import limited_lines
+    from dyknow.proxies.files.piped_lines import limited_lines
 
     if str(path) == STANDARD_INPUT:
         yield limited_lines(sys.stdin.buffer, LIMIT_LINE)
@@ -81,19 +81,19 @@ def recorded_lines(path: Path, option: str, what: str) -> Iterator[Iterator[byte
 
 def read_samples(path: Path) -> "list[FedSample]":
     """The samples of a feed; raises WrongCall and TextErrors."""
-    from proxies.recordings.sample_file import read_feed
+    from dyknow.proxies.recordings.sample_file import read_feed
 
     return read_lines(path, read_feed, "--feed", "a feed is a text of JSON lines")
 
 
 def check_specified(own: "UnitFile") -> None:
     """Whether what a platform is to run can be read; raises WrongCall, TextErrors and RoadsError."""
-    from runtime.configuration.road_files import read_roads
+    from dyknow.runtime.configuration.road_files import read_roads
 
     spec, run = own[SpecificationOptions].spec, own[RunOptions]
     if spec is not None:
-        from kpl import parse_specification
-        from proxies.files.named_files import beside
+        from dyknow.kpl import parse_specification
+        from dyknow.proxies.files.named_files import beside
 
         parse_specification(read_text(spec), beside(spec))
     elif run.feed is not None:
@@ -119,11 +119,11 @@ def instance_of(
     With `reads` false sources are not read: their samples are pushed. `labels` is a file of semantic labels, `roads` one of
     those on which linked objects are.
     """
-    from compunits import catalogue
-    from federation.keys import unit as unit_name
-    from kpl import Instance
-    from runtime.configuration.ontologies import ontology_of
-    from runtime.configuration.road_files import read_roads
+    from dyknow.compunits import catalogue
+    from dyknow.federation.keys import unit as unit_name
+    from dyknow.kpl import Instance
+    from dyknow.runtime.configuration.ontologies import ontology_of
+    from dyknow.runtime.configuration.road_files import read_roads
 
     there = catalogue(modules)
 
@@ -153,8 +153,8 @@ def instance_of(
 def add_streams_of_platforms(specification: "Specification", instance: "Instance", labels: Path | None) -> list[str]:
     """Streams that a specification takes from its platform, `heli-position[self]`; their labels."""
     from dyknow import Label
-    from kpl.checking.symbols import SELF, symbol_of
-    from runtime.configuration.ontologies import ontology_of
+    from dyknow.kpl.checking.symbols import SELF, symbol_of
+    from dyknow.runtime.configuration.ontologies import ontology_of
 
     offered = {each.name: each for each in ontology_of(file=labels).definitions()}
     symbols = [symbol_of(each) for each in specification]

@@ -11,28 +11,28 @@ from typing import IO, TYPE_CHECKING, Annotated, Any
 
 import typer
 
-from agents.specification.options import RunOptions
-from console.arguments import Duration, SpecificationFile
-from console.command import Call, command
-from console.commands.texts.graphs import GraphForm, show_graph
-from console.commands.texts.run_output import tell_record
-from console.commands.texts.specification_files import instance_of, read_samples, read_text
-from console.errors import DONE, INTERRUPTED
-from console.output.shown import line, styled
 from dyknow import Sample, earlier
+from dyknow.agents.specification.options import RunOptions
+from dyknow.console.arguments import Duration, SpecificationFile
+from dyknow.console.command import Call, command
+from dyknow.console.commands.texts.graphs import GraphForm, show_graph
+from dyknow.console.commands.texts.run_output import tell_record
+from dyknow.console.commands.texts.specification_files import instance_of, read_samples, read_text
+from dyknow.console.errors import DONE, INTERRUPTED
+from dyknow.console.output.shown import line, styled
 from dyknow.documents.durations import SHORTEST_US, duration_us
 from dyknow.model.errors import DyknowError, TextErrors, WrongCall
-from proxies.files.named_files import beside
-from proxies.files.watched_file import WatchedFiles
+from dyknow.proxies.files.named_files import beside
+from dyknow.proxies.files.watched_file import WatchedFiles
 
 if TYPE_CHECKING:
-    from agents.effects import Computed
-    from anchoring.links.objects import LinkEvent
     from dyknow import Label
+    from dyknow.agents.effects import Computed
+    from dyknow.anchoring.links.objects import LinkEvent
+    from dyknow.kpl.introspection.governor import Governor
     from dyknow.network.process import Work
-    from kpl.introspection.governor import Governor
-    from proxies.recordings.sample_file import FedSample
-    from reasoning import AlarmEvent
+    from dyknow.proxies.recordings.sample_file import FedSample
+    from dyknow.reasoning import AlarmEvent
 
 MAX_SPEED = 1e6
 LOOK_S = 0.2
@@ -59,8 +59,8 @@ class Run:
         roads: Path | None = None,
     ) -> None:
         from dyknow import Network
-        from kpl import Hooks
-        from kpl.introspection.records import FaultLog
+        from dyknow.kpl import Hooks
+        from dyknow.kpl.introspection.records import FaultLog
 
         self._call, self._path, self._fed, self.speed = call, path, fed, speed
         self.read_named = beside(path)
@@ -84,8 +84,8 @@ class Run:
 
     def _work_apart(self) -> None:
         """Call slow units in workers: time is real."""
-        from agents.effects import Compute
-        from runtime.workers import WorkerThreads
+        from dyknow.agents.effects import Compute
+        from dyknow.runtime.workers import WorkerThreads
 
         run, note = self, self._call.out.note
         threads = WorkerThreads(self._computed.put, self._wall_us, note)
@@ -104,9 +104,9 @@ class Run:
 
     def specify(self, text: str) -> None:
         """Run this text from now on; raises TextErrors, and keeps the previous one running."""
-        from kpl import parse_specification
-        from kpl.checking.warnings import run_warnings
-        from kpl.introspection.governor import listens
+        from dyknow.kpl import parse_specification
+        from dyknow.kpl.checking.warnings import run_warnings
+        from dyknow.kpl.introspection.governor import listens
 
         specification = parse_specification(text, self.read_named)
         if self._governor is None and listens(specification):
@@ -125,7 +125,7 @@ class Run:
 
     def govern(self, limit_us: int) -> None:
         """Lengthen the periods of the least important streams while delays are longer than this."""
-        from kpl.introspection.governor import Governor
+        from dyknow.kpl.introspection.governor import Governor
 
         self._governor = Governor(self.instance, lambda: self._waited_us, self.now_us, limit_us)
 
@@ -185,7 +185,7 @@ class Run:
 
     def _last_us(self) -> int:
         """When the last sample of the feed can no longer matter."""
-        from kpl.introspection.graph import awaits_us
+        from dyknow.kpl.introspection.graph import awaits_us
 
         if not self._fed:
             return 0
@@ -229,15 +229,15 @@ class Run:
                 self.network.connect(label, Policy(), partial(self._keep, "label", label))
 
     def _keep(self, kind: str, name: object, sample: "Sample") -> None:
-        from kpl.introspection.records import sample_json
+        from dyknow.kpl.introspection.records import sample_json
 
         if self._record is not None:
             self._record.write(json.dumps({kind: str(name), **sample_json(sample)}) + "\n")
 
     def _on_sample(self, name: str, sample: "Sample") -> None:
         self._keep("stream", name, sample)
-        from kpl.introspection.graph import maker_of, origins_of
-        from kpl.introspection.records import sample_record
+        from dyknow.kpl.introspection.graph import maker_of, origins_of
+        from dyknow.kpl.introspection.records import sample_record
 
         origins = origins_of(self.instance, name, sample.valid_us)
         said = sample_record(name, sample, origins, maker_of(self.instance, name, sample))
@@ -259,17 +259,17 @@ class Run:
                 )
 
     def _on_producer(self, label: "Label", producer: "Label | None") -> None:
-        from kpl.introspection.records import producer_record
+        from dyknow.kpl.introspection.records import producer_record
 
         tell_record(self._call, producer_record(label, producer, self.network.now_us), begins_us=self._shown_from_us)
 
     def _on_alarm(self, event: "AlarmEvent") -> None:
-        from kpl.introspection.records import alarm_record
+        from dyknow.kpl.introspection.records import alarm_record
 
         tell_record(self._call, alarm_record(event), begins_us=self._shown_from_us)
 
     def _on_found(self, event: "LinkEvent") -> None:
-        from kpl.introspection.records import found_record
+        from dyknow.kpl.introspection.records import found_record
 
         tell_record(self._call, found_record(event), begins_us=self._shown_from_us)
 
@@ -335,8 +335,8 @@ def run(
 
 def _tell_idle(call: Call, running: Run, fed: "Sequence[FedSample]", feed: Path | None, file: Path) -> None:
     """Note what will not happen: exports and imports, sources without samples, samples without a source."""
-    from kpl.checking.symbols import OF_A_PLATFORM, symbol_of
-    from kpl.syntax.specification import Export, ForEach, Import
+    from dyknow.kpl.checking.symbols import OF_A_PLATFORM, symbol_of
+    from dyknow.kpl.syntax.specification import Export, ForEach, Import
 
     every = running.instance.specification
     bodies = (each.body if isinstance(each, ForEach) else each for each in every)

@@ -7,18 +7,18 @@ from typing import TYPE_CHECKING, Annotated, Literal
 
 import typer
 
-from console.arguments import Roads, UnitModules
-from console.command import Call, command
-from console.commands.texts.graphs import GraphForm, show_graph
-from console.commands.texts.specification_files import add_streams_of_platforms, instance_of, read_text
-from console.errors import DONE, NO
-from console.output.output import counted
-from console.output.shown import line, styled
+from dyknow.console.arguments import Roads, UnitModules
+from dyknow.console.command import Call, command
+from dyknow.console.commands.texts.graphs import GraphForm, show_graph
+from dyknow.console.commands.texts.specification_files import add_streams_of_platforms, instance_of, read_text
+from dyknow.console.errors import DONE, NO
+from dyknow.console.output.output import counted
+from dyknow.console.output.shown import line, styled
 from dyknow.model.errors import NothingFound, TextError, TextErrors, WrongCall
-from proxies.files.named_files import beside
+from dyknow.proxies.files.named_files import beside
 
 if TYPE_CHECKING:
-    from kpl import Specification
+    from dyknow.kpl import Specification
 
 CHRONICLES = ".chr"
 """So ends the name of a file of chronicles."""
@@ -35,8 +35,8 @@ def check(
 ) -> int:
     """Every error of a specification with its place and repair, and unreachable declarations; exit 1 if there is an error."""
     from dyknow import Network
-    from kpl import Hooks, read_specification
-    from kpl.introspection.governor import speaks
+    from dyknow.kpl import Hooks, read_specification
+    from dyknow.kpl.introspection.governor import speaks
 
     text = read_text(file)
     if file.suffix == CHRONICLES:
@@ -61,8 +61,8 @@ def check(
 
 def _tell_library(call: Call, specification: "Specification", modules: Sequence[str]) -> None:
     """Note declared units that are checked as the library's, since a module may have one of that name."""
-    from compunits import catalogue
-    from kpl.syntax.specification import UnitDeclaration
+    from dyknow.compunits import catalogue
+    from dyknow.kpl.syntax.specification import UnitDeclaration
 
     there = catalogue(modules)
     names = [each.name for each in specification if isinstance(each, UnitDeclaration) and there.is_ours(each.name)]
@@ -112,8 +112,8 @@ def graph(
 ) -> int:
     """The network of a specification, or of a running platform with rates, delays and drops: each stream and its inputs."""
     from dyknow import Network
-    from kpl import Hooks, parse_specification
-    from kpl.introspection.governor import listens, speaks
+    from dyknow.kpl import Hooks, parse_specification
+    from dyknow.kpl.introspection.governor import listens, speaks
 
     if file is None:
         if unit is None:
@@ -132,7 +132,7 @@ def graph(
 
 
 def _show_file(call: Call, path: Path) -> int:
-    from kpl import parse_specification, print_declaration
+    from dyknow.kpl import parse_specification, print_declaration
 
     if path.suffix == CHRONICLES:
         return _show_chronicles(call, path)
@@ -147,7 +147,7 @@ def _show_file(call: Call, path: Path) -> int:
 
 
 def _check_chronicles(call: Call, text: str) -> int:
-    from kpl import read_chronicles
+    from dyknow.kpl import read_chronicles
 
     try:
         found, errors = read_chronicles(text)
@@ -169,7 +169,7 @@ def _report(call: Call, declarations: int, found: Iterable[TextError], warnings:
 
 
 def _show_chronicles(call: Call, path: Path) -> int:
-    from kpl import parse_chronicles, print_chronicles
+    from dyknow.kpl import parse_chronicles, print_chronicles
 
     found = parse_chronicles(read_text(path))
     if call.out.json_lines:
@@ -191,10 +191,10 @@ def held(
 
     In another form than KPL: the graph of what runs now.
     """
-    from console.centre.client import connected
-    from federation.messages.acts import Performative
-    from federation.messages.contents import RestoreSpecification, Specification, SpecificationText
-    from runtime.library.jobs import failure_of
+    from dyknow.console.centre.client import connected
+    from dyknow.federation.messages.acts import Performative
+    from dyknow.federation.messages.contents import RestoreSpecification, Specification, SpecificationText
+    from dyknow.runtime.library.jobs import failure_of
 
     with connected(call) as client:
         client.chosen(unit)
@@ -229,8 +229,8 @@ def held(
 
 def _picture(unit: str, text: str) -> str:
     """Draw a platform's network from its own description."""
-    from kpl.introspection.drawings import graph_of_json
-    from kpl.introspection.picture import as_svg
+    from dyknow.kpl.introspection.drawings import graph_of_json
+    from dyknow.kpl.introspection.picture import as_svg
 
     try:
         return as_svg(graph_of_json(text))

@@ -6,18 +6,18 @@ from typing import TYPE_CHECKING, Annotated
 
 import typer
 
-from console.arguments import SpecificationFile, UnitModules
-from console.command import Call, command
-from console.commands.texts.specification_files import instance_of, read_lines, read_text
-from console.errors import DONE, NO
-from console.output.output import counted
-from console.output.shown import line, styled
+from dyknow.console.arguments import SpecificationFile, UnitModules
+from dyknow.console.command import Call, command
+from dyknow.console.commands.texts.specification_files import instance_of, read_lines, read_text
+from dyknow.console.errors import DONE, NO
+from dyknow.console.output.output import counted
+from dyknow.console.output.shown import line, styled
 from dyknow.model.errors import WrongCall
-from proxies.files.named_files import beside
+from dyknow.proxies.files.named_files import beside
 
 if TYPE_CHECKING:
     from dyknow import Network, Sample
-    from kpl import Hooks, Instance
+    from dyknow.kpl import Hooks, Instance
 
 
 @command(example="dyknow kpl verify cars.kpl --journal run.jsonl")
@@ -31,12 +31,12 @@ def verify(
     modules: UnitModules = None,
 ) -> int:
     """Whether a recorded run satisfies its specification; if not, which sample broke which constraint. Exit 1 then."""
-    from kpl import parse_specification
-    from kpl.introspection.verification import broken_streams
-    from kpl.introspection.verification import verify as violations_of
-    from kpl.running.changes import resolved
-    from kpl.syntax.specification import policies_of
-    from proxies.recordings.sample_file import read_record
+    from dyknow.kpl import parse_specification
+    from dyknow.kpl.introspection.verification import broken_streams
+    from dyknow.kpl.introspection.verification import verify as violations_of
+    from dyknow.kpl.running.changes import resolved
+    from dyknow.kpl.syntax.specification import policies_of
+    from dyknow.proxies.recordings.sample_file import read_record
 
     path, units = file, modules or ()
     specification = parse_specification(read_text(path), beside(path))
@@ -84,7 +84,7 @@ def verify(
 
 def _of_platform(call: Call, journal: Path, units: Sequence[str]) -> "dict[str, list[Sample]]":
     """The streams of a platform, from its journal: their constraints can be looked at, not what they are made of."""
-    from runtime.journal.recorded_runs import recorded_streams
+    from dyknow.runtime.journal.recorded_runs import recorded_streams
 
     def tell(unread: object) -> None:
         call.out.note(f"{journal}, {unread}.", style="yellow")

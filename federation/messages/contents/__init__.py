@@ -1,10 +1,10 @@
 """Contents of acts: one strict model for each head an expression may have; `read` reads, `expr()` writes."""
 
-from federation.messages.contents.answers import Cancel, Done, Progress, Reason
-from federation.messages.contents.areas import AreaRing, AssignArea, DivideArea
-from federation.messages.contents.calls import CallForStream, LeaveProposal, StreamProposal, TakeProposal
-from federation.messages.contents.chronicles import Expected, Recognise, Recognised
-from federation.messages.contents.flight import (
+from dyknow.federation.messages.contents.answers import Cancel, Done, Progress, Reason
+from dyknow.federation.messages.contents.areas import AreaRing, AssignArea, DivideArea
+from dyknow.federation.messages.contents.calls import CallForStream, LeaveProposal, StreamProposal, TakeProposal
+from dyknow.federation.messages.contents.chronicles import Expected, Recognise, Recognised
+from dyknow.federation.messages.contents.flight import (
     Attend,
     Avoid,
     Fault,
@@ -17,7 +17,7 @@ from federation.messages.contents.flight import (
     Resume,
     ReturnHome,
 )
-from federation.messages.contents.missions import (
+from dyknow.federation.messages.contents.missions import (
     AnswerQuestion,
     CallForMission,
     CommandEntry,
@@ -37,7 +37,7 @@ from federation.messages.contents.missions import (
     TakeMission,
     VehicleNews,
 )
-from federation.messages.contents.monitors import (
+from dyknow.federation.messages.contents.monitors import (
     IDLE,
     Alarm,
     AlarmList,
@@ -56,7 +56,7 @@ from federation.messages.contents.monitors import (
     Verdict,
     When,
 )
-from federation.messages.contents.objects import (
+from dyknow.federation.messages.contents.objects import (
     ObjectEntry,
     ObjectEvent,
     ObjectEvents,
@@ -68,8 +68,8 @@ from federation.messages.contents.objects import (
     Share,
     WantObject,
 )
-from federation.messages.contents.parts import MAX_LIST, Content, ContentPart, is_lasting, prepare, read
-from federation.messages.contents.platform import (
+from dyknow.federation.messages.contents.parts import MAX_LIST, Content, ContentPart, is_lasting, prepare, read
+from dyknow.federation.messages.contents.platform import (
     ActList,
     ActLog,
     Acts,
@@ -93,7 +93,7 @@ from federation.messages.contents.platform import (
     TaskOver,
     Tasks,
 )
-from federation.messages.contents.streams import (
+from dyknow.federation.messages.contents.streams import (
     Answers,
     CreateMulticast,
     EndStream,

@@ -1,6 +1,6 @@
 """Answers of every kind, and the end of a conversation."""
 
-from federation.messages.contents.parts import Content, Generation, Prose, Unit, Word
+from dyknow.federation.messages.contents.parts import Content, Generation, Prose, Unit, Word
 
 
 class Reason(Content):

@@ -5,10 +5,10 @@ from typing import Annotated, ClassVar
 
 from pydantic import AfterValidator, Field
 
+from dyknow.federation.messages.contents import parts
+from dyknow.federation.messages.descriptions import SemanticLabel
 from dyknow.model.errors import Refused
-from federation.messages.contents import parts
-from federation.messages.descriptions import SemanticLabel
-from navigation.areas import Area
+from dyknow.navigation.areas import Area
 
 MAX_CORNERS = 32
 """Of an area that is to be divided; a piece has a few more."""

@@ -1,8 +1,8 @@
 """Calls for a stream, and proposals for them: the contract net of FIPA (SC00029; thesis 9.2.3)."""
 
+from dyknow.federation.messages.contents import parts
+from dyknow.federation.messages.descriptions import Cost, SemanticLabel
 from dyknow.model.instants import US_PER_S
-from federation.messages.contents import parts
-from federation.messages.descriptions import Cost, SemanticLabel
 
 
 class CallForStream(parts.Content):

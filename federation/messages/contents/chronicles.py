@@ -4,7 +4,7 @@ from typing import Annotated
 
 from pydantic import Field
 
-from federation.messages.contents.parts import (
+from dyknow.federation.messages.contents.parts import (
     MAX_LIST,
     TO_PARSE,
     Content,

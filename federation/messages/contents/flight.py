@@ -4,8 +4,8 @@ from typing import Annotated, ClassVar, Literal
 
 from pydantic import Field
 
-from federation.messages.contents.areas import Corner
-from federation.messages.contents.parts import (
+from dyknow.federation.messages.contents.areas import Corner
+from dyknow.federation.messages.contents.parts import (
     AltitudeM,
     Content,
     ContentPart,
@@ -99,7 +99,7 @@ class FlightOutlook(Content):
     """Where will your vehicle fly, on whose behalf, and within what? The query is empty, the answer is not.
 
     Attributes:
-        commander: who has the vehicle, as `agents.capabilities.flight.arbiter` names it.
+        commander: who has the vehicle, as `dyknow.agents.capabilities.flight.arbiter` names it.
         doing: its flight, in words.
         ahead: the places that it flies to next, in their order; `again`: over and over.
         altitude_m: of the first of them, above mean sea level.

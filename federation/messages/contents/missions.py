@@ -4,8 +4,8 @@ from typing import Annotated, ClassVar, Literal
 
 from pydantic import Field
 
-from federation.messages.contents import parts
-from federation.messages.descriptions import Cost, Count
+from dyknow.federation.messages.contents import parts
+from dyknow.federation.messages.descriptions import Cost, Count
 
 LONGEST_DOMAIN = 24_000
 """Characters of a domain, and of a problem, in an act."""

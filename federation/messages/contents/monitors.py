@@ -4,9 +4,9 @@ from typing import Annotated, Any, ClassVar, Literal
 
 from pydantic import AfterValidator, Field
 
-from federation.messages.contents import parts
-from federation.messages.descriptions import Count
-from federation.messages.sexpr import Expr
+from dyknow.federation.messages.contents import parts
+from dyknow.federation.messages.descriptions import Count
+from dyknow.federation.messages.sexpr import Expr
 
 
 class MonitorProximity(parts.Content):

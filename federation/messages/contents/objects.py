@@ -4,7 +4,7 @@ from typing import Annotated, ClassVar, Literal
 
 from pydantic import Field
 
-from federation.messages.contents import parts
+from dyknow.federation.messages.contents import parts
 
 
 class ObjectEntry(parts.ContentPart):

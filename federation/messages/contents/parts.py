@@ -13,14 +13,14 @@ from typing import Annotated, Any, ClassVar, Literal, TypeAlias
 
 from pydantic import AfterValidator, BaseModel, BeforeValidator, ConfigDict, Field, ValidationError, model_validator
 
+from dyknow.federation import keys
+from dyknow.federation.messages.acts import AgentName
+from dyknow.federation.messages.descriptions import SemanticLabel, in_one_line
+from dyknow.federation.messages.descriptions import Unit as UnitName
+from dyknow.federation.messages.sexpr import MAX_INTEGER, MIN_INTEGER, Expr, ExprValue, QuotedText
 from dyknow.model.errors import ContentError, NameRefused
 from dyknow.model.instants import LATEST_US
 from dyknow.model.values import LARGEST, NoValue
-from federation import keys
-from federation.messages.acts import AgentName
-from federation.messages.descriptions import SemanticLabel, in_one_line
-from federation.messages.descriptions import Unit as UnitName
-from federation.messages.sexpr import MAX_INTEGER, MIN_INTEGER, Expr, ExprValue, QuotedText
 
 MAX_LIST = 512
 LONGEST_TEXT = 8192

@@ -4,8 +4,8 @@ from typing import Annotated, ClassVar, Literal
 
 from pydantic import Field
 
-from federation.messages.contents import parts
-from federation.messages.descriptions import Count, SemanticLabel
+from dyknow.federation.messages.contents import parts
+from dyknow.federation.messages.descriptions import Count, SemanticLabel
 
 MAX_FILES = 4
 """That a specification may name, where it comes as a speech act."""

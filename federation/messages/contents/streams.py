@@ -4,13 +4,13 @@ from typing import Annotated, ClassVar, Literal, Self, TypeAlias
 
 from pydantic import AfterValidator, Field, model_validator
 
+from dyknow.federation.messages.contents import parts
+from dyknow.federation.messages.descriptions import Count, Hash, SemanticLabel
 from dyknow.model.errors import DyknowError
 from dyknow.model.instants import US_PER_S
 from dyknow.model.sample import MAX_BRANCH
 from dyknow.model.values import NoValue
 from dyknow.policies.policy import MAX_POLICY, Policy
-from federation.messages.contents import parts
-from federation.messages.descriptions import Count, Hash, SemanticLabel
 
 
 def _policy(value: str) -> str:
@@ -194,7 +194,7 @@ class Answers(parts.Content):
 
 
 class ImportCounts(parts.ContentPart):
-    """The counts of the samples of one imported stream, by number (`federation.sharing.streams.StreamCounts`).
+    """The counts of the samples of one imported stream, by number (`dyknow.federation.sharing.streams.StreamCounts`).
 
     `missing` are known to exist and asked for, `lost` are no longer held; both 0: no gap. Of each `every` samples of its
     period one is sent: more than 1 while the owner has too much to do. `delay_s` is from the valid time of the newest to its

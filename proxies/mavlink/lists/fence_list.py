@@ -6,8 +6,8 @@ from typing import Final, NamedTuple
 
 from pymavlink.dialects.v20 import ardupilotmega as mavlink
 
-from navigation.fences import FenceArea, FenceKind
-from proxies.mavlink.lists.item_list import ItemList, ListItem
+from dyknow.navigation.fences import FenceArea, FenceKind
+from dyknow.proxies.mavlink.lists.item_list import ItemList, ListItem
 
 MOST_ITEMS, MOST_CORNERS = 512, 128
 _LARGEST_M = 100_000.0

@@ -12,7 +12,7 @@ from typing import Any, Final, NamedTuple
 
 from pymavlink.dialects.v20 import ardupilotmega as mavlink
 
-from proxies.mavlink.ways import OURSELVES, Target
+from dyknow.proxies.mavlink.ways import OURSELVES, Target
 
 _AGAIN_US, _READ_US, _ATTEMPTS = 1_000_000, 60_000_000, 5
 _V2 = 0xFD

@@ -6,8 +6,8 @@ from typing import Final
 
 from pymavlink.dialects.v20 import ardupilotmega as mavlink
 
-from navigation.mission_plans import MOST_MISSION_ITEMS, MissionItem, MissionStep
-from proxies.mavlink.lists.item_list import ItemList, ListItem
+from dyknow.navigation.mission_plans import MOST_MISSION_ITEMS, MissionItem, MissionStep
+from dyknow.proxies.mavlink.lists.item_list import ItemList, ListItem
 
 _HIGHEST_M = 12_000.0
 _LAST_MOVING = mavlink.MAV_CMD_NAV_LAST

@@ -5,13 +5,13 @@ from typing import Any
 
 from pymavlink.dialects.v20 import ardupilotmega as mavlink
 
-from navigation.mission_plans import MissionPlanReport
-from navigation.vehicle import Report
-from proxies.mavlink.lists.fence_list import FenceList
-from proxies.mavlink.lists.item_list import ItemList
-from proxies.mavlink.lists.mission_list import MissionPlanList
-from proxies.mavlink.reports import VehicleReports
-from proxies.mavlink.ways import Target
+from dyknow.navigation.mission_plans import MissionPlanReport
+from dyknow.navigation.vehicle import Report
+from dyknow.proxies.mavlink.lists.fence_list import FenceList
+from dyknow.proxies.mavlink.lists.item_list import ItemList
+from dyknow.proxies.mavlink.lists.mission_list import MissionPlanList
+from dyknow.proxies.mavlink.reports import VehicleReports
+from dyknow.proxies.mavlink.ways import Target
 
 _HOME_ALTITUDE_M = 0.5
 """A home that is reported to be so much higher or lower is where it was."""

@@ -9,10 +9,10 @@ from dataclasses import dataclass, replace
 from typing import Final
 
 from dyknow.model.errors import ChronicleError
-from reasoning.chronicles.definition.conditions import Condition
-from reasoning.chronicles.definition.expansion import CLOCK, Count, Expanded, Point, expand
-from reasoning.chronicles.definition.model import Chronicle, ChronicleFile, ChronicleVariable, Parameter
-from reasoning.chronicles.definition.network import UNBOUNDED, Difference, minimal_network
+from dyknow.reasoning.chronicles.definition.conditions import Condition
+from dyknow.reasoning.chronicles.definition.expansion import CLOCK, Count, Expanded, Point, expand
+from dyknow.reasoning.chronicles.definition.model import Chronicle, ChronicleFile, ChronicleVariable, Parameter
+from dyknow.reasoning.chronicles.definition.network import UNBOUNDED, Difference, minimal_network
 
 LIMIT_COUNT: Final = 10**6
 """No predicate asks for more events than this."""

@@ -9,8 +9,8 @@ from dataclasses import dataclass, replace
 from typing import Final, TypeAlias
 
 from dyknow.model.errors import ChronicleError
-from reasoning.chronicles.definition import model
-from reasoning.chronicles.definition.domains import symbol_set
+from dyknow.reasoning.chronicles.definition import model
+from dyknow.reasoning.chronicles.definition.domains import symbol_set
 
 LIMIT_DEPTH: Final = 100
 """So deep may constraints be nested, or use each other."""

@@ -9,10 +9,10 @@ from dataclasses import dataclass, field, replace
 from typing import Final, TypeAlias
 
 from dyknow.model.errors import ChronicleError
-from reasoning.chronicles.definition import model
-from reasoning.chronicles.definition.conditions import Binding, Condition, Conditions, resolved
-from reasoning.chronicles.definition.network import Difference, chained
-from reasoning.chronicles.definition.times import (
+from dyknow.reasoning.chronicles.definition import model
+from dyknow.reasoning.chronicles.definition.conditions import Binding, Condition, Conditions, resolved
+from dyknow.reasoning.chronicles.definition.network import Difference, chained
+from dyknow.reasoning.chronicles.definition.times import (
     ConstraintUse,
     Distance,
     Interval,

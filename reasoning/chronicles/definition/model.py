@@ -46,8 +46,8 @@ from collections.abc import Mapping
 from dataclasses import dataclass
 from typing import Final, TypeAlias
 
-from reasoning.chronicles.definition.domains import Domain, symbol_text
-from reasoning.chronicles.definition.times import ComplexConstraint, TimeConstraint, TimePoint
+from dyknow.reasoning.chronicles.definition.domains import Domain, symbol_text
+from dyknow.reasoning.chronicles.definition.times import ComplexConstraint, TimeConstraint, TimePoint
 
 
 @dataclass(frozen=True, slots=True)

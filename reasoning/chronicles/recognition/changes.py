@@ -14,9 +14,9 @@ from typing import Final
 from dyknow.model.instants import US_PER_MS
 from dyknow.model.labels import Label
 from dyknow.model.values import NO_VALUE
-from reasoning.chronicles.recognition.matching import ChronicleInstance
-from reasoning.chronicles.recognition.recogniser import Recogniser
-from reasoning.chronicles.recognition.stores import MINUS_INFINITY
+from dyknow.reasoning.chronicles.recognition.matching import ChronicleInstance
+from dyknow.reasoning.chronicles.recognition.recogniser import Recogniser
+from dyknow.reasoning.chronicles.recognition.stores import MINUS_INFINITY
 
 LIMIT_STREAMS: Final = 1_000_000
 """Streams whose last value is remembered."""

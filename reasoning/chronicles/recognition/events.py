@@ -12,10 +12,10 @@ from typing import Any, Final, NamedTuple
 from dyknow.documents.json_lines import JsonLine
 from dyknow.model.errors import TextError
 from dyknow.model.labels import Label
-from reasoning.chronicles.recognition.changes import symbol
-from reasoning.chronicles.recognition.matching import ChronicleInstance
-from reasoning.chronicles.recognition.recogniser import Recogniser
-from reasoning.chronicles.recognition.stores import MINUS_INFINITY
+from dyknow.reasoning.chronicles.recognition.changes import symbol
+from dyknow.reasoning.chronicles.recognition.matching import ChronicleInstance
+from dyknow.reasoning.chronicles.recognition.recogniser import Recogniser
+from dyknow.reasoning.chronicles.recognition.stores import MINUS_INFINITY
 
 _CHANGE: Final = '{"t_ms": 100, "attribute": "link[car1]", "from": "l1", "to": "no_link"}'
 _MESSAGE: Final = '{"t_ms": 100, "message": "in_crossing[car1, x2]"}'

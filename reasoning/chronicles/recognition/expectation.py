@@ -9,9 +9,9 @@ from collections.abc import Iterator, Mapping, Sequence
 from itertools import chain, islice
 from typing import Any, Final, NamedTuple
 
-from reasoning.chronicles.definition.compilation import EventNode
-from reasoning.chronicles.definition.network import UNBOUNDED
-from reasoning.chronicles.recognition.matching import Matcher, told_time
+from dyknow.reasoning.chronicles.definition.compilation import EventNode
+from dyknow.reasoning.chronicles.definition.network import UNBOUNDED
+from dyknow.reasoning.chronicles.recognition.matching import Matcher, told_time
 
 LIMIT_TRIED: Final = 100_000
 """Sets of events tried for one question."""

@@ -10,11 +10,11 @@ from collections.abc import Callable, Iterator, Sequence
 from dataclasses import dataclass
 from typing import Any, Final, NamedTuple, TypeAlias
 
-from reasoning.chronicles.definition.compilation import Compiled, CountNode, EventNode
-from reasoning.chronicles.definition.conditions import Condition
-from reasoning.chronicles.definition.expansion import Point
-from reasoning.chronicles.definition.network import UNBOUNDED
-from reasoning.chronicles.recognition.stores import MINUS_INFINITY, SINCE_EVER, Bucket, Key, Store, getter
+from dyknow.reasoning.chronicles.definition.compilation import Compiled, CountNode, EventNode
+from dyknow.reasoning.chronicles.definition.conditions import Condition
+from dyknow.reasoning.chronicles.definition.expansion import Point
+from dyknow.reasoning.chronicles.definition.network import UNBOUNDED
+from dyknow.reasoning.chronicles.recognition.stores import MINUS_INFINITY, SINCE_EVER, Bucket, Key, Store, getter
 
 LIMIT_JOINED: Final = 1_000_000
 """Events, or keys of events, examined for one event."""

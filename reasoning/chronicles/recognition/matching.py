@@ -11,11 +11,19 @@ from dataclasses import dataclass, field
 from heapq import heappop, heappush
 from typing import Any, Final, NamedTuple, TypeAlias
 
-from reasoning.chronicles.definition.compilation import Compiled, CountNode, EventNode
-from reasoning.chronicles.recognition.joining import Plan, can_be_last
-from reasoning.chronicles.recognition.retention import Retention
-from reasoning.chronicles.recognition.stores import MINUS_INFINITY, SINCE_EVER, Bucket, Key, Store, Values, getter
-from reasoning.chronicles.recognition.witness import Witness
+from dyknow.reasoning.chronicles.definition.compilation import Compiled, CountNode, EventNode
+from dyknow.reasoning.chronicles.recognition.joining import Plan, can_be_last
+from dyknow.reasoning.chronicles.recognition.retention import Retention
+from dyknow.reasoning.chronicles.recognition.stores import (
+    MINUS_INFINITY,
+    SINCE_EVER,
+    Bucket,
+    Key,
+    Store,
+    Values,
+    getter,
+)
+from dyknow.reasoning.chronicles.recognition.witness import Witness
 
 SWEEP_AFTER: Final = 1024
 """New events that are remembered before all keys are examined, or as many as remained last time, whichever is more."""

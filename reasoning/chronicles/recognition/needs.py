@@ -6,10 +6,10 @@ All of it is worked out once for each node of a chronicle, as times from the eve
 from collections.abc import Callable, Collection, Mapping, Sequence
 from typing import Any, NamedTuple, TypeAlias
 
-from reasoning.chronicles.definition.compilation import Compiled, CountNode, EventNode
-from reasoning.chronicles.definition.expansion import Point
-from reasoning.chronicles.definition.network import UNBOUNDED
-from reasoning.chronicles.recognition.stores import Key, Store, getter
+from dyknow.reasoning.chronicles.definition.compilation import Compiled, CountNode, EventNode
+from dyknow.reasoning.chronicles.definition.expansion import Point
+from dyknow.reasoning.chronicles.definition.network import UNBOUNDED
+from dyknow.reasoning.chronicles.recognition.stores import Key, Store, getter
 
 Bounds: TypeAlias = Sequence[Sequence[int]]
 """By two instants: the most that the second is after the first."""

@@ -10,12 +10,12 @@ from collections.abc import Iterable, Iterator, Mapping, Sequence
 from typing import Final, TypeAlias
 
 from dyknow.model.errors import ChronicleError
-from reasoning.chronicles.definition.compilation import Compiled, Pattern, compile_chronicle
-from reasoning.chronicles.definition.model import ChronicleFile
-from reasoning.chronicles.definition.times import LIMIT_MS
-from reasoning.chronicles.recognition.expectation import LIMIT_TRIED, Partial, partial_instances
-from reasoning.chronicles.recognition.matching import ChronicleInstance, Matcher, RecognitionLimits
-from reasoning.chronicles.recognition.stores import MINUS_INFINITY, Key, Values, getter
+from dyknow.reasoning.chronicles.definition.compilation import Compiled, Pattern, compile_chronicle
+from dyknow.reasoning.chronicles.definition.model import ChronicleFile
+from dyknow.reasoning.chronicles.definition.times import LIMIT_MS
+from dyknow.reasoning.chronicles.recognition.expectation import LIMIT_TRIED, Partial, partial_instances
+from dyknow.reasoning.chronicles.recognition.matching import ChronicleInstance, Matcher, RecognitionLimits
+from dyknow.reasoning.chronicles.recognition.stores import MINUS_INFINITY, Key, Values, getter
 
 LIMIT_SELECTIONS: Final = 4096
 """Combinations of symbols, per event name, whose selection is remembered."""

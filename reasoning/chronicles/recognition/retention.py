@@ -10,11 +10,11 @@ from bisect import bisect_left, bisect_right
 from collections.abc import Callable, Collection, Mapping, Sequence
 from typing import Any, NamedTuple
 
-from reasoning.chronicles.definition.compilation import Compiled, CountNode, EventNode
-from reasoning.chronicles.definition.expansion import Point
-from reasoning.chronicles.definition.network import UNBOUNDED
-from reasoning.chronicles.recognition.needs import EventNeeds, Needs, Other, Windows, part
-from reasoning.chronicles.recognition.stores import MINUS_INFINITY, SINCE_EVER, Key, Store
+from dyknow.reasoning.chronicles.definition.compilation import Compiled, CountNode, EventNode
+from dyknow.reasoning.chronicles.definition.expansion import Point
+from dyknow.reasoning.chronicles.definition.network import UNBOUNDED
+from dyknow.reasoning.chronicles.recognition.needs import EventNeeds, Needs, Other, Windows, part
+from dyknow.reasoning.chronicles.recognition.stores import MINUS_INFINITY, SINCE_EVER, Key, Store
 
 
 class Doom(NamedTuple):

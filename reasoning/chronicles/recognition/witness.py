@@ -10,10 +10,10 @@ from bisect import bisect_left
 from collections.abc import Callable, Sequence
 from typing import Final, NamedTuple, TypeAlias
 
-from reasoning.chronicles.definition.compilation import Compiled, CountNode
-from reasoning.chronicles.definition.expansion import Point
-from reasoning.chronicles.definition.network import UNBOUNDED, TemporalNetwork
-from reasoning.chronicles.recognition.stores import MINUS_INFINITY, SINCE_EVER
+from dyknow.reasoning.chronicles.definition.compilation import Compiled, CountNode
+from dyknow.reasoning.chronicles.definition.expansion import Point
+from dyknow.reasoning.chronicles.definition.network import UNBOUNDED, TemporalNetwork
+from dyknow.reasoning.chronicles.recognition.stores import MINUS_INFINITY, SINCE_EVER
 
 LIMIT_TRIALS: Final = 2_000
 """Choices of counted events tried for one instance at one clock."""

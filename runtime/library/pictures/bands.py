@@ -12,15 +12,15 @@ from typing import Any, Final, Literal, NamedTuple
 
 import numpy as np
 
+from dyknow.federation.members.command_centre import PlatformView
+from dyknow.federation.members.liveness import PeerState
+from dyknow.federation.messages.acts import Performative
+from dyknow.federation.messages.contents import Query, Reading, Samples
+from dyknow.federation.messages.dialogue import Dialogue
 from dyknow.model.errors import WrongCall, did_you_mean
 from dyknow.model.instants import US_PER_S, print_span
-from federation.members.command_centre import PlatformView
-from federation.members.liveness import PeerState
-from federation.messages.acts import Performative
-from federation.messages.contents import Query, Reading, Samples
-from federation.messages.dialogue import Dialogue
-from navigation.geodesy import LocalFrame
-from reasoning.features.bands import (
+from dyknow.navigation.geodesy import LocalFrame
+from dyknow.reasoning.features.bands import (
     ConflictBand,
     Goal,
     Intruders,
@@ -29,12 +29,12 @@ from reasoning.features.bands import (
     speed_bands,
     track_bands,
 )
-from reasoning.features.well_clear import time_to_violation_s
-from reasoning.features.well_clear_arrays import Floats
-from reasoning.monitoring.profiles import builtin_profiles
-from runtime.client import Client, Job, Wait
-from runtime.library.jobs import GRACE_S, agreeing, all_platforms
-from runtime.library.questions import gone_text
+from dyknow.reasoning.features.well_clear import time_to_violation_s
+from dyknow.reasoning.features.well_clear_arrays import Floats
+from dyknow.reasoning.monitoring.profiles import builtin_profiles
+from dyknow.runtime.client import Client, Job, Wait
+from dyknow.runtime.library.jobs import GRACE_S, agreeing, all_platforms
+from dyknow.runtime.library.questions import gone_text
 
 POSITION, ALTITUDE, VELOCITY, TRAFFIC = "heli-position", "heli-altitude", "heli-velocity", "traffic"
 PROFILE: Final = "well-clear"

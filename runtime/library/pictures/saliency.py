@@ -4,9 +4,9 @@ from collections.abc import Iterable, Mapping
 from math import sqrt
 from typing import Any, NamedTuple
 
-from federation.messages.contents import SaliencyRow, SaliencyRows
-from runtime.client import Client, Job
-from runtime.library.jobs import lists, platforms
+from dyknow.federation.messages.contents import SaliencyRow, SaliencyRows
+from dyknow.runtime.client import Client, Job
+from dyknow.runtime.library.jobs import lists, platforms
 
 _NOTHING = float("nan")
 

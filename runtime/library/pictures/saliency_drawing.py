@@ -4,8 +4,8 @@ from collections.abc import Iterator, Sequence
 from math import atan2, ceil, degrees, floor, hypot, sqrt
 from typing import Final
 
-from kpl.introspection.svg import BLACK, document, path, words
-from runtime.library.pictures.saliency import FoundPerson
+from dyknow.kpl.introspection.svg import BLACK, document, path, words
+from dyknow.runtime.library.pictures.saliency import FoundPerson
 
 WIDE_PX: Final = 900
 EDGE_PX: Final = 50

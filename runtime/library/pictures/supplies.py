@@ -5,7 +5,7 @@ from collections.abc import Sequence
 from typing import Final, NamedTuple
 
 from dyknow.model.errors import WrongCall, file_of
-from runtime.library.pictures.saliency import FoundPerson
+from dyknow.runtime.library.pictures.saliency import FoundPerson
 
 STANDOFF_M: Final = 3.0
 """A box is put down so far to the south of a person."""

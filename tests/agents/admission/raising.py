@@ -7,11 +7,11 @@ from typing import Any
 
 import pytest
 
-from agents.containment import place_of
-from agents.extensions import own_parts
-from agents.interface import InterfaceAgent
-from agents.part import Part
-from agents.platform import Platform
+from dyknow.agents.containment import place_of
+from dyknow.agents.extensions import own_parts
+from dyknow.agents.interface import InterfaceAgent
+from dyknow.agents.part import Part
+from dyknow.agents.platform import Platform
 from dyknow.network.generator import Generator
 
 CALLED = ("labels", "conditions", "on_time", "flush", "on_peer", "on_alarm", "on_cancel", "on_lost")

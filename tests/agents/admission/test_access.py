@@ -2,16 +2,15 @@
 
 import pytest
 
-from agents.actions import COORDINATION, Action, Offer, ServiceTable
-from agents.admission.admission import NOT_TAKEN, Admission
-from agents.capabilities.separation.giving_way import GivingWay
-from agents.monitoring.alarm_log import AlarmLog
-from agents.platform import Platform
-from dyknow.model.errors import ContentError
-from federation.members.offers import Visibility
-from federation.messages.acts import Act, AgentName, Performative, print_act
-from federation.messages.codec import encode_act
-from federation.messages.contents import (
+from dyknow.agents.actions import COORDINATION, Action, Offer, ServiceTable
+from dyknow.agents.admission.admission import NOT_TAKEN, Admission
+from dyknow.agents.capabilities.separation.giving_way import GivingWay
+from dyknow.agents.monitoring.alarm_log import AlarmLog
+from dyknow.agents.platform import Platform
+from dyknow.federation.members.offers import Visibility
+from dyknow.federation.messages.acts import Act, AgentName, Performative, print_act
+from dyknow.federation.messages.codec import encode_act
+from dyknow.federation.messages.contents import (
     Alarms,
     Avoid,
     Goto,
@@ -23,7 +22,8 @@ from federation.messages.contents import (
     Tasks,
     read,
 )
-from federation.messages.sexpr import Expr, QuotedText
+from dyknow.federation.messages.sexpr import Expr, QuotedText
+from dyknow.model.errors import ContentError
 from tests.box import Box
 from tests.federation.expressions import parse_expr
 

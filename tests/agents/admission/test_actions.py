@@ -2,15 +2,15 @@
 
 import pytest
 
-from agents.actions import COMMON_ANSWERS, QUERIED, Action, Role
-from agents.capabilities.missions.relaying import MissionRelay
-from agents.extensions import own_parts
-from federation.members.offers import Service, Visibility
-from federation.messages.acts import Act, AgentName, Performative
-from federation.messages.codec import encode_act
-from federation.messages.contents import Content, Hold, parts, read
-from navigation.cameras.rig import CameraRig
-from navigation.geodesy import LocalFrame
+from dyknow.agents.actions import COMMON_ANSWERS, QUERIED, Action, Role
+from dyknow.agents.capabilities.missions.relaying import MissionRelay
+from dyknow.agents.extensions import own_parts
+from dyknow.federation.members.offers import Service, Visibility
+from dyknow.federation.messages.acts import Act, AgentName, Performative
+from dyknow.federation.messages.codec import encode_act
+from dyknow.federation.messages.contents import Content, Hold, parts, read
+from dyknow.navigation.cameras.rig import CameraRig
+from dyknow.navigation.geodesy import LocalFrame
 from tests.agents.admission.test_hostile import signer, trust
 from tests.box import Box
 from tests.federation.expressions import parse_expr
@@ -25,7 +25,7 @@ ROLES = {"eye": Role.OBSERVER, "1": Role.DELEGATE, "cc": Role.COMMAND_CENTRE}
 
 
 def own(kind: type[Content]) -> bool:
-    return kind.__module__.startswith("federation.")
+    return kind.__module__.startswith("dyknow.federation.")
 
 
 def test_every_content_is_an_action_of_one_part_or_an_answer() -> None:

@@ -5,14 +5,14 @@ from random import Random
 
 import pytest
 
-from agents.capabilities.flight.options import AvoidanceOptions
-from agents.monitoring.alarm_log import AlarmLog
-from agents.options import Chosen
-from agents.platform import Platform
-from federation import keys
-from federation.messages.acts import Performative
-from federation.messages.codec import decode_act
-from federation.messages.contents import (
+from dyknow.agents.capabilities.flight.options import AvoidanceOptions
+from dyknow.agents.monitoring.alarm_log import AlarmLog
+from dyknow.agents.options import Chosen
+from dyknow.agents.platform import Platform
+from dyknow.federation import keys
+from dyknow.federation.messages.acts import Performative
+from dyknow.federation.messages.codec import decode_act
+from dyknow.federation.messages.contents import (
     ActList,
     Acts,
     Alarm,
@@ -26,8 +26,8 @@ from federation.messages.contents import (
     Tasks,
     read,
 )
-from federation.messages.receipts import RECEIPT_AGENT
-from federation.transport import Put
+from dyknow.federation.messages.receipts import RECEIPT_AGENT
+from dyknow.federation.transport import Put
 from tests.box import Box
 
 P = Performative

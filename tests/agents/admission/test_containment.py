@@ -4,12 +4,12 @@ from typing import Any
 
 import pytest
 
-from agents.admission.admission import Admission
-from agents.containment import DEAF_US, QUIET_US, TRIES
-from agents.exchange.peer_motion import PeerMotion
-from agents.monitoring.unit_monitoring import UnitMonitoring
 from dyknow import Network, Policy, Sample, Sort
-from federation.messages.contents import Goto, MonitorProximity, Tasks
+from dyknow.agents.admission.admission import Admission
+from dyknow.agents.containment import DEAF_US, QUIET_US, TRIES
+from dyknow.agents.exchange.peer_motion import PeerMotion
+from dyknow.agents.monitoring.unit_monitoring import UnitMonitoring
+from dyknow.federation.messages.contents import Goto, MonitorProximity, Tasks
 from tests.agents.rosters import trust
 from tests.box import Box
 

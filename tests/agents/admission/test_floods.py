@@ -9,11 +9,11 @@ from typing import Any
 
 import pytest
 
-from agents.exchange.import_proxy import STREAMS_OF_ONE, ImportProxy
-from federation import keys
-from federation.messages.acts import Act, AgentName, Performative
-from federation.messages.beats import MAX_TAILS
-from federation.messages.codec import (
+from dyknow.agents.exchange.import_proxy import STREAMS_OF_ONE, ImportProxy
+from dyknow.federation import keys
+from dyknow.federation.messages.acts import Act, AgentName, Performative
+from dyknow.federation.messages.beats import MAX_TAILS
+from dyknow.federation.messages.codec import (
     Heartbeat,
     StreamSample,
     encode_act,
@@ -21,7 +21,7 @@ from federation.messages.codec import (
     encode_heartbeat,
     encode_samples,
 )
-from federation.messages.contents import (
+from dyknow.federation.messages.contents import (
     Alarm,
     CheckFormula,
     Content,
@@ -32,9 +32,9 @@ from federation.messages.contents import (
     Stream,
     read,
 )
-from federation.messages.descriptions import Description, LabelEntry
-from federation.security.trust import Trust
-from federation.transport import DeclareToken, Put, Urgency
+from dyknow.federation.messages.descriptions import Description, LabelEntry
+from dyknow.federation.security.trust import Trust
+from dyknow.federation.transport import DeclareToken, Put, Urgency
 from tests.agents.rosters import trust
 from tests.box import Box, Vehicle
 

@@ -7,11 +7,11 @@ from typing import Any
 
 import pytest
 
-from agents.capabilities.flight.flight import FlightAgent
-from agents.platform import Platform
-from federation import keys
-from federation.messages.acts import Act, AgentName, Performative
-from federation.messages.codec import (
+from dyknow.agents.capabilities.flight.flight import FlightAgent
+from dyknow.agents.platform import Platform
+from dyknow.federation import keys
+from dyknow.federation.messages.acts import Act, AgentName, Performative
+from dyknow.federation.messages.codec import (
     Heartbeat,
     Pong,
     StreamSample,
@@ -21,7 +21,7 @@ from federation.messages.codec import (
     encode_pong,
     encode_samples,
 )
-from federation.messages.contents import (
+from dyknow.federation.messages.contents import (
     AddDeclarations,
     Cancel,
     Content,
@@ -32,9 +32,9 @@ from federation.messages.contents import (
     MonitorProximity,
     Query,
 )
-from federation.messages.receipts import Receipt, encode_receipt, receipt_key
-from federation.security.trust import MAX_AGE_US, OFFSET_US, Signer, Trust, Verifier
-from federation.transport import Answered, Arrived
+from dyknow.federation.messages.receipts import Receipt, encode_receipt, receipt_key
+from dyknow.federation.security.trust import MAX_AGE_US, OFFSET_US, Signer, Trust, Verifier
+from dyknow.federation.transport import Answered, Arrived
 from tests.agents.rosters import trust
 from tests.box import EPOCH, Box, Vehicle
 

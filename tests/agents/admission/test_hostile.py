@@ -8,15 +8,14 @@ from random import Random
 import psutil
 import pytest
 
-from agents.capabilities.flight.flight import FlightAgent
-from agents.config import PlatformConfig
-from agents.monitoring.alarm_log import AlarmLog
-from agents.platform import Platform
-from dyknow.model.errors import DecodeError
-from federation import keys
-from federation.messages.acts import Act, AgentName, Performative
-from federation.messages.codec import decode_act, encode_act
-from federation.messages.contents import (
+from dyknow.agents.capabilities.flight.flight import FlightAgent
+from dyknow.agents.config import PlatformConfig
+from dyknow.agents.monitoring.alarm_log import AlarmLog
+from dyknow.agents.platform import Platform
+from dyknow.federation import keys
+from dyknow.federation.messages.acts import Act, AgentName, Performative
+from dyknow.federation.messages.codec import decode_act, encode_act
+from dyknow.federation.messages.contents import (
     AddDeclarations,
     Goto,
     Hold,
@@ -27,8 +26,9 @@ from federation.messages.contents import (
     RestoreSpecification,
     Specification,
 )
-from federation.security.trust import Roster, RosterMember, Signer, Trust, Verifier
-from federation.transport import Arrived
+from dyknow.federation.security.trust import Roster, RosterMember, Signer, Trust, Verifier
+from dyknow.federation.transport import Arrived
+from dyknow.model.errors import DecodeError
 from tests.box import EPOCH, Box
 from tests.federation.mutants import encode, mutate_bytes, mutate_tree
 from tests.federation.test_hostile import act_mutants, heartbeat_tree, recovered_tree, sample_tree

@@ -12,10 +12,10 @@ from typing import Any
 
 import pytest
 
-from agents.capabilities.cooperation.cooperation import Cooperation
-from agents.config import PlatformConfig
-from federation.messages.contents import MonitorProximity
-from sim_uavs.world.world import World
+from dyknow.agents.capabilities.cooperation.cooperation import Cooperation
+from dyknow.agents.config import PlatformConfig
+from dyknow.federation.messages.contents import MonitorProximity
+from dyknow.sim_uavs.world.world import World
 from tests.agents.capabilities.cooperation.federations import SPEC, Federation
 from tests.agents.capabilities.missions.flown import Flown
 from tests.agents.capabilities.saliency.rescuing import Rescue

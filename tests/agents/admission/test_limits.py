@@ -3,7 +3,7 @@
 from hypothesis import given
 from hypothesis import strategies as st
 
-from federation.shares import ActLimits, TokenBucket
+from dyknow.federation.shares import ActLimits, TokenBucket
 
 MOMENTS = st.lists(st.integers(0, 2_000_000), max_size=200).map(sorted)
 

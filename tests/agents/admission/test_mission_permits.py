@@ -2,12 +2,12 @@
 
 import pytest
 
-from agents.admission.mission_permits import MOST, Permits
-from agents.capabilities.missions.performing import Performing
-from agents.tasks.authority import PERMIT_US, TaskEvidence
+from dyknow.agents.admission.mission_permits import MOST, Permits
+from dyknow.agents.capabilities.missions.performing import Performing
+from dyknow.agents.tasks.authority import PERMIT_US, TaskEvidence
+from dyknow.federation.messages.acts import Performative
+from dyknow.federation.messages.contents import JoinMission, PermitMission, TaskOver
 from dyknow.model.errors import Refused
-from federation.messages.acts import Performative
-from federation.messages.contents import JoinMission, PermitMission, TaskOver
 from tests.agents.rosters import trust
 from tests.box import Box, Vehicle
 

@@ -2,15 +2,15 @@
 
 import pytest
 
-from agents.config import PlatformConfig
-from agents.directory.directory import JOINING_US
-from agents.effects import Halt, Note
-from agents.platform import Platform
-from federation import keys
-from federation.members.member import DUPLICATES
-from federation.messages.codec import Heartbeat, encode_description, encode_heartbeat
-from federation.messages.descriptions import Description
-from federation.transport import Arrived
+from dyknow.agents.config import PlatformConfig
+from dyknow.agents.directory.directory import JOINING_US
+from dyknow.agents.effects import Halt, Note
+from dyknow.agents.platform import Platform
+from dyknow.federation import keys
+from dyknow.federation.members.member import DUPLICATES
+from dyknow.federation.messages.codec import Heartbeat, encode_description, encode_heartbeat
+from dyknow.federation.messages.descriptions import Description
+from dyknow.federation.transport import Arrived
 from tests.agents.admission.test_hostile import roster, trust
 from tests.box import Box
 

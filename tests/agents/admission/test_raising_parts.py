@@ -6,22 +6,22 @@ from typing import Any, NamedTuple
 
 import pytest
 
-from agents.actions import Action
-from agents.admission import admission
-from agents.capabilities.flight.options import AvoidanceOptions
-from agents.directory.directory import DirectoryAgent
-from agents.extensions import own_parts
-from agents.options import Chosen
-from agents.part import Part
-from agents.platform import Platform
-from federation import keys
-from federation.messages.acts import Performative
-from federation.messages.contents import Directory, Hold, MonitorProximity
-from federation.messages.protocols import OPENING
-from federation.messages.sexpr import Expr
-from federation.transport import Asked
-from navigation.vehicle import GoToOrder
-from reasoning import AlarmEvent
+from dyknow.agents.actions import Action
+from dyknow.agents.admission import admission
+from dyknow.agents.capabilities.flight.options import AvoidanceOptions
+from dyknow.agents.directory.directory import DirectoryAgent
+from dyknow.agents.extensions import own_parts
+from dyknow.agents.options import Chosen
+from dyknow.agents.part import Part
+from dyknow.agents.platform import Platform
+from dyknow.federation import keys
+from dyknow.federation.messages.acts import Performative
+from dyknow.federation.messages.contents import Directory, Hold, MonitorProximity
+from dyknow.federation.messages.protocols import OPENING
+from dyknow.federation.messages.sexpr import Expr
+from dyknow.federation.transport import Asked
+from dyknow.navigation.vehicle import GoToOrder
+from dyknow.reasoning import AlarmEvent
 from tests.agents.admission.raising import CASES, Fuses, callbacks
 from tests.agents.capabilities.separation.meetings import orders
 from tests.box import Box, Vehicle

@@ -6,10 +6,10 @@ from time import process_time
 
 import pytest
 
-from federation.messages.acts import Performative
-from federation.messages.contents import Goto, Query, Search
-from federation.messages.receipts import RECEIPT_AGENT
-from federation.messages.refusals import REFUSALS_BURST, REFUSALS_PER_S
+from dyknow.federation.messages.acts import Performative
+from dyknow.federation.messages.contents import Goto, Query, Search
+from dyknow.federation.messages.receipts import RECEIPT_AGENT
+from dyknow.federation.messages.refusals import REFUSALS_BURST, REFUSALS_PER_S
 from tests.agents.admission.test_floods import Flooder
 from tests.agents.rosters import trust
 from tests.box import Box, Vehicle

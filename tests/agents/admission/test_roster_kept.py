@@ -2,8 +2,8 @@
 
 from collections.abc import Sequence
 
-from federation.security.trust import Roster, RosterMember
-from federation.transport import RosterKept, RosterRead
+from dyknow.federation.security.trust import Roster, RosterMember
+from dyknow.federation.transport import RosterKept, RosterRead
 from tests.agents.rosters import trust
 from tests.box import Box
 

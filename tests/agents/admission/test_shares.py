@@ -4,12 +4,12 @@ from hashlib import sha256
 
 import pytest
 
-from agents.capabilities.calls.bids import OF_A_CENTRE
-from agents.exchange.dormant import MOST_OF_ONE as WAITING
-from agents.subscribers import OF_ONE as FOLLOWED
-from agents.tasks.life import OF_ONE
-from federation.messages.acts import Performative
-from federation.messages.contents import (
+from dyknow.agents.capabilities.calls.bids import OF_A_CENTRE
+from dyknow.agents.exchange.dormant import MOST_OF_ONE as WAITING
+from dyknow.agents.subscribers import OF_ONE as FOLLOWED
+from dyknow.agents.tasks.life import OF_ONE
+from dyknow.federation.messages.acts import Performative
+from dyknow.federation.messages.contents import (
     ActList,
     Acts,
     Alarms,
@@ -19,8 +19,8 @@ from federation.messages.contents import (
     Query,
     Reason,
 )
-from federation.security.trust import Role, Roster, RosterMember, Signer, Trust
-from federation.shares import ACTS_BURST
+from dyknow.federation.security.trust import Role, Roster, RosterMember, Signer, Trust
+from dyknow.federation.shares import ACTS_BURST
 from tests.agents.capabilities.calls.market import offer
 from tests.agents.rosters import trust
 from tests.box import EPOCH, Box, Question, Vehicle

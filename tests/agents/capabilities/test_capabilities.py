@@ -8,21 +8,21 @@ from pathlib import Path
 
 import pytest
 
-from agents import capabilities
-from agents.capabilities.capability import Capability, Stage, all_parts, found, parts_of
-from agents.config import PlatformConfig
-from agents.platform import Platform
+from dyknow.agents import capabilities
+from dyknow.agents.capabilities.capability import Capability, Stage, all_parts, found, parts_of
+from dyknow.agents.config import PlatformConfig
+from dyknow.agents.platform import Platform
 from dyknow.model.errors import UnitError
 
 ROOT = Path(capabilities.__file__).parents[2]
 LIGHT = {"capability", "requests"}
 LOADED_ALONE = """
 import os, sys
-import agents.platform
-from agents.capabilities.capability import found
+import dyknow.agents.platform
+from dyknow.agents.capabilities.capability import found
 
 def parts():
-    return [m for m in sys.modules if m.startswith("agents.capabilities.") and m.count(".") > 2]
+    return [m for m in sys.modules if m.startswith("dyknow.agents.capabilities.") and m.count(".") > 2]
 
 names = list(found())
 print("found", *[m for m in parts() if m.rpartition(".")[2] not in ("capability", "requests")])
@@ -91,16 +91,16 @@ def test_the_requests_of_a_capability_are_those_that_its_parts_offer_to_persons(
 
 
 PART = '''
-from agents.part import Part
+from dyknow.agents.part import Part
 
 class Whistle(Part):
     """A part of a capability that nothing else names."""
 '''
 CAPABILITY = """
-from agents.capabilities.capability import Capability, Group, PartClasses, Stage, has_vehicle
+from dyknow.agents.capabilities.capability import Capability, Group, PartClasses, Stage, has_vehicle
 
 def _parts() -> PartClasses:
-    from agents.capabilities.whistling.whistle import Whistle
+    from dyknow.agents.capabilities.whistling.whistle import Whistle
     return (Whistle,)
 
 CAPABILITY = Capability((Group(Stage.REACTING, has_vehicle, _parts),), after=("{after}",))
@@ -118,7 +118,7 @@ def whistling(tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> Iterator[Path]
     monkeypatch.setattr(capabilities, "__path__", [*capabilities.__path__, str(tmp_path)])
     found.cache_clear()
     yield folder
-    for name in [name for name in sys.modules if name.startswith("agents.capabilities.whistling")]:
+    for name in [name for name in sys.modules if name.startswith("dyknow.agents.capabilities.whistling")]:
         del sys.modules[name]
     found.cache_clear()
 

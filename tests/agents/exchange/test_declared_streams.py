@@ -5,10 +5,10 @@ from typing import Any
 
 import pytest
 
-from compunits import catalogue
 from dyknow import Label
-from federation.messages.acts import Performative
-from federation.messages.contents import QueryStream, StreamSamples
+from dyknow.compunits import catalogue
+from dyknow.federation.messages.acts import Performative
+from dyknow.federation.messages.contents import QueryStream, StreamSamples
 from tests.box import Box, Question
 
 P = Performative

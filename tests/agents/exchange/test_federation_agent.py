@@ -2,14 +2,14 @@
 
 import pytest
 
-from agents.admission.limits import STREAMS_PER_PEER
-from agents.exchange.federation_agent import FederationAgent
-from agents.platform import Platform
 from dyknow import Policy
-from federation.messages.acts import Performative
-from federation.messages.codec import StreamSample, encode_samples
-from federation.messages.contents import Answers, CreateMulticast, EndStream, Query, Samples, Stream
-from federation.sharing.exports import STREAMS
+from dyknow.agents.admission.limits import STREAMS_PER_PEER
+from dyknow.agents.exchange.federation_agent import FederationAgent
+from dyknow.agents.platform import Platform
+from dyknow.federation.messages.acts import Performative
+from dyknow.federation.messages.codec import StreamSample, encode_samples
+from dyknow.federation.messages.contents import Answers, CreateMulticast, EndStream, Query, Samples, Stream
+from dyknow.federation.sharing.exports import STREAMS
 from tests.box import Box, Vehicle
 
 P = Performative
@@ -190,7 +190,7 @@ def test_a_sample_of_another_sort_is_dropped_and_counted(wire: Box, node: Platfo
 
 @pytest.mark.parametrize("valid_us", [-(2**63), 0, 2**62, 2**63 - 1])
 def test_a_sample_from_any_time_is_taken_in_stride(wire: Box, node: Platform, valid_us: int) -> None:
-    from federation.messages.contents import MonitorProximity
+    from dyknow.federation.messages.contents import MonitorProximity
 
     wire.asked("cc", "0", MonitorProximity())
     wire.run(1.0)

@@ -1,7 +1,7 @@
 """A platform that asks all others for a member, and what it may ask for that member (thesis 9.3.3)."""
 
-from federation.messages.acts import Performative
-from federation.messages.contents import Answers, Query
+from dyknow.federation.messages.acts import Performative
+from dyknow.federation.messages.contents import Answers, Query
 from tests.agents.specification.test_specification_part import Pair, text_of
 
 

@@ -1,7 +1,7 @@
 """What one owner announces fills its own share of the imports, never that of others, and is refused aloud."""
 
-from agents.exchange.import_proxy import STREAMS_OF_ONE, ImportProxy
 from dyknow import Policy
+from dyknow.agents.exchange.import_proxy import STREAMS_OF_ONE, ImportProxy
 
 
 def test_one_owner_has_a_share_of_the_imports_and_the_others_keep_theirs(wire):

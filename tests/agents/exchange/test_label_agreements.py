@@ -5,15 +5,15 @@ from typing import Any
 
 import pytest
 
-from compunits import catalogue
+from dyknow.compunits import catalogue
+from dyknow.federation import keys
+from dyknow.federation.messages.acts import Performative
+from dyknow.federation.messages.contents import CreateMulticast, Query, QueryStream, Samples
+from dyknow.federation.messages.descriptions import MAX_DEFINITIONS
+from dyknow.federation.messages.unpacking import VERSION, pack
+from dyknow.federation.sharing.ontology import default_ontology
 from dyknow.model.semantic_labels import SemanticLabel
 from dyknow.model.values import Sort
-from federation import keys
-from federation.messages.acts import Performative
-from federation.messages.contents import CreateMulticast, Query, QueryStream, Samples
-from federation.messages.descriptions import MAX_DEFINITIONS
-from federation.messages.unpacking import VERSION, pack
-from federation.sharing.ontology import default_ontology
 from tests.agents.admission.test_hostile import trust
 from tests.box import Box, Question
 

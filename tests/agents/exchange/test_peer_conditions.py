@@ -1,7 +1,7 @@
 """A peer whose clock is not the federation's is named by every platform that compares with it, and nothing else follows."""
 
-from agents.config import PlatformConfig
-from federation.transport import Reopen
+from dyknow.agents.config import PlatformConfig
+from dyknow.federation.transport import Reopen
 from tests.box import Box, Vehicle
 
 

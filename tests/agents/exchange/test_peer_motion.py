@@ -5,13 +5,13 @@ from typing import Any
 
 import pytest
 
-from agents.capabilities.flight.flight import FlightAgent
-from agents.exchange.peer_motion import SHOWN_US
 from dyknow import Policy
+from dyknow.agents.capabilities.flight.flight import FlightAgent
+from dyknow.agents.exchange.peer_motion import SHOWN_US
+from dyknow.federation.messages.contents import MonitorProximity
 from dyknow.model.sample import Sample
-from federation.messages.contents import MonitorProximity
-from navigation.fusion import Estimate, PositionFilter
-from navigation.vehicle import Report
+from dyknow.navigation.fusion import Estimate, PositionFilter
+from dyknow.navigation.vehicle import Report
 from tests.box import METRE_DEG, Box, Vehicle
 
 LIAR, HONEST = "3", ("0", "1", "2")

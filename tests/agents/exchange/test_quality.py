@@ -2,12 +2,12 @@
 
 import pytest
 
-from federation.messages.acts import Performative
-from federation.messages.contents import Query, Samples
-from federation.sharing.ontology import default_ontology
-from federation.sharing.translation import Translation
-from navigation.geodesy import metres_per_degree
-from runtime.library.results import sample_of_reading, variances_in
+from dyknow.federation.messages.acts import Performative
+from dyknow.federation.messages.contents import Query, Samples
+from dyknow.federation.sharing.ontology import default_ontology
+from dyknow.federation.sharing.translation import Translation
+from dyknow.navigation.geodesy import metres_per_degree
+from dyknow.runtime.library.results import sample_of_reading, variances_in
 from tests.box import Box, Vehicle
 
 IMPORTING = """

@@ -4,11 +4,11 @@ from collections.abc import Callable
 
 import pytest
 
-from agents.platform import Platform
 from dyknow import US_PER_S, Sample, print_span
-from federation.messages.acts import Performative
-from federation.messages.codec import decode_heartbeat
-from federation.messages.contents import (
+from dyknow.agents.platform import Platform
+from dyknow.federation.messages.acts import Performative
+from dyknow.federation.messages.codec import decode_heartbeat
+from dyknow.federation.messages.contents import (
     Answers,
     Content,
     Query,

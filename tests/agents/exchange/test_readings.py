@@ -1,7 +1,7 @@
 import pytest
 
-from agents.exchange.readings import merge_inverse_variance, merge_mean, select_best, select_newest
-from federation.messages.contents import Reading
+from dyknow.agents.exchange.readings import merge_inverse_variance, merge_mean, select_best, select_newest
+from dyknow.federation.messages.contents import Reading
 
 
 def reading(valid_us: int, value: float, variance: float | None = None) -> Reading:

@@ -4,12 +4,12 @@ from typing import Any
 
 import pytest
 
-from agents.actions import Role
-from agents.effects import Fed
-from agents.specification.remote_changes import CHANGES_BURST
-from agents.tasks.requests import RESET
-from federation.messages.acts import Performative
-from federation.messages.contents import AlarmList, Done, QueryStream, Reason, Reset
+from dyknow.agents.actions import Role
+from dyknow.agents.effects import Fed
+from dyknow.agents.specification.remote_changes import CHANGES_BURST
+from dyknow.agents.tasks.requests import RESET
+from dyknow.federation.messages.acts import Performative
+from dyknow.federation.messages.contents import AlarmList, Done, QueryStream, Reason, Reset
 from tests.agents.exchange.test_declared_streams import MAKES, sensor, specify
 from tests.box import Box, Question
 

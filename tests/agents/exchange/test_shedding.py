@@ -7,15 +7,15 @@ import pytest
 from hypothesis import given, settings
 from hypothesis import strategies as st
 
-from agents.effects import Pressed
-from agents.exchange.options import SheddingOptions
-from agents.options import Chosen
-from agents.shedding import EASIER_US, EVERY, HARDER_US, Shedding
-from federation import keys
-from federation.messages.acts import Performative
-from federation.messages.codec import decode_samples, encode_samples
-from federation.messages.contents import ImportList, MonitorProximity
-from reasoning.monitoring.monitors import Monitor
+from dyknow.agents.effects import Pressed
+from dyknow.agents.exchange.options import SheddingOptions
+from dyknow.agents.options import Chosen
+from dyknow.agents.shedding import EASIER_US, EVERY, HARDER_US, Shedding
+from dyknow.federation import keys
+from dyknow.federation.messages.acts import Performative
+from dyknow.federation.messages.codec import decode_samples, encode_samples
+from dyknow.federation.messages.contents import ImportList, MonitorProximity
+from dyknow.reasoning.monitoring.monitors import Monitor
 from tests.agents.exchange.test_federation_agent import multicast
 from tests.box import Box
 from tests.strategies import examples

@@ -5,13 +5,13 @@ from random import Random
 
 import pytest
 
-from agents.platform import Platform
 from dyknow import US_PER_S
-from federation import keys
-from federation.messages.codec import decode_act
-from federation.messages.contents import MonitorProximity
-from federation.sharing.streams import ImportStream
-from federation.transport import Put
+from dyknow.agents.platform import Platform
+from dyknow.federation import keys
+from dyknow.federation.messages.codec import decode_act
+from dyknow.federation.messages.contents import MonitorProximity
+from dyknow.federation.sharing.streams import ImportStream
+from dyknow.federation.transport import Put
 from tests.box import Box, Vehicle
 
 UNITS = ("0", "1", "2", "3")

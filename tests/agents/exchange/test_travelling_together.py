@@ -1,9 +1,9 @@
 """Streams with the same receivers are sent in one message. A stream is sent to its own receivers only."""
 
-from agents.platform import Platform
-from federation import keys
-from federation.messages.codec import Rider, StreamedSamples, StreamSample, decode_samples, encode_samples
-from federation.transport import Put
+from dyknow.agents.platform import Platform
+from dyknow.federation import keys
+from dyknow.federation.messages.codec import Rider, StreamedSamples, StreamSample, decode_samples, encode_samples
+from dyknow.federation.transport import Put
 from tests.agents.exchange.test_federation_agent import multicast
 from tests.box import Box
 

@@ -2,16 +2,16 @@
 
 import pytest
 
-from agents.config import PlatformConfig
-from agents.extensions import load_extension, typed_actions
-from agents.part import Part
-from agents.platform import Platform
+from dyknow.agents.config import PlatformConfig
+from dyknow.agents.extensions import load_extension, typed_actions
+from dyknow.agents.part import Part
+from dyknow.agents.platform import Platform
+from dyknow.federation.messages.acts import Performative
+from dyknow.federation.messages.contents import CreateMulticast, Done, Query, Samples
+from dyknow.federation.sharing.ontology import default_ontology
 from dyknow.model.errors import UnitError
-from federation.messages.acts import Performative
-from federation.messages.contents import CreateMulticast, Done, Query, Samples
-from federation.sharing.ontology import default_ontology
-from runtime.configuration.config import NodeConfig
-from runtime.configuration.resolved import platform_config
+from dyknow.runtime.configuration.config import NodeConfig
+from dyknow.runtime.configuration.resolved import platform_config
 from tests.box import EPOCH, Box
 
 P = Performative
@@ -83,7 +83,7 @@ def test_a_part_that_wants_what_there_is_not_or_handles_nothing_stops_the_start(
     class Idle(load_extension(NAME).parts[0]):  # type: ignore[misc]
         on_ring = None
 
-    with pytest.raises(UnitError, match=r"Wanting cannot be built of \(ports, parts\), see agents.ports"):
+    with pytest.raises(UnitError, match=r"Wanting cannot be built of \(ports, parts\), see dyknow.agents.ports"):
         Platform(PlatformConfig("0", EPOCH, extensions=(Wanting,)), EPOCH)
     ontology = default_ontology().extended(load_extension(NAME).labels)
     with pytest.raises(UnitError, match="Idle has no method on_ring"):

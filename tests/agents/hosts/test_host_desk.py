@@ -6,9 +6,6 @@ import pytest
 from hypothesis import example, given
 from hypothesis import strategies as st
 
-from agents.effects import DropHost, HostCame, HostMessage
-from agents.hosts.host_desk import MAX_HOSTS, SILENT_US
-from agents.specification.declared_streams import DeclaredStreams
 from dyknow import (
     Label,
     Policy,
@@ -21,12 +18,15 @@ from dyknow import (
     of_values,
     prototypes_in,
 )
+from dyknow.agents.effects import DropHost, HostCame, HostMessage
+from dyknow.agents.hosts.host_desk import MAX_HOSTS, SILENT_US
+from dyknow.agents.specification.declared_streams import DeclaredStreams
+from dyknow.federation.hosts.messages import KEPT, WINDOW, Begin, Chain, End, HostInputs, Want
+from dyknow.kpl import parse_specification
+from dyknow.kpl.introspection.governor import Governor
+from dyknow.kpl.introspection.graph import graph_of
 from dyknow.model.errors import TextErrors, UnknownLabel, ValueNotAvailable
 from dyknow.network.refinement import RefinementProcess
-from federation.hosts.messages import KEPT, WINDOW, Begin, Chain, End, HostInputs, Want
-from kpl import parse_specification
-from kpl.introspection.governor import Governor
-from kpl.introspection.graph import graph_of
 from tests.agents.hosting import Guest, Site
 
 TEXT = """source number raw

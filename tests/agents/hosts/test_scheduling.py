@@ -5,7 +5,7 @@ from hypothesis import given
 from hypothesis import strategies as st
 from hypothesis.stateful import RuleBasedStateMachine, invariant, precondition, rule
 
-from agents.hosts.scheduling import Scheduler
+from dyknow.agents.hosts.scheduling import Scheduler
 
 PROCESSES = st.integers(0, 4)
 puts = st.lists(PROCESSES, max_size=60)

@@ -7,10 +7,10 @@ from typing import Annotated, Any, Final, Literal, Union, get_args, get_origin
 from pydantic import ValidationError
 from pydantic.fields import FieldInfo
 
+from dyknow.federation.messages import contents
+from dyknow.federation.messages.contents import parts
+from dyknow.federation.messages.sexpr import Expr
 from dyknow.model.values import NO_VALUE, NoValue
-from federation.messages import contents
-from federation.messages.contents import parts
-from federation.messages.sexpr import Expr
 
 TRIES: Final = 40
 _EDGES: Final = (0, 1, -1, 2, 3, 17, 2**31, 2**53, 2**62, 2**63 - 1, -(2**63), 10**13, 10**15, 1_700_000_003_000_000)

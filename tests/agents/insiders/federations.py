@@ -9,38 +9,38 @@ from hashlib import sha256
 from random import Random
 from typing import Any, Final, NamedTuple
 
-from agents.admission.admission import Admission
-from agents.capabilities.areas.assignment import MOST_OF_ONE, AreaAssignment
-from agents.capabilities.flight.arbiter import Commander
-from agents.capabilities.flight.flight import FlightAgent
-from agents.config import PlatformConfig
-from agents.effects import Specify
-from agents.exchange.import_proxy import STREAMS_OF_ONE
-from agents.places import FlightLimits
-from compunits import catalogue
+from dyknow.agents.admission.admission import Admission
+from dyknow.agents.capabilities.areas.assignment import MOST_OF_ONE, AreaAssignment
+from dyknow.agents.capabilities.flight.arbiter import Commander
+from dyknow.agents.capabilities.flight.flight import FlightAgent
+from dyknow.agents.config import PlatformConfig
+from dyknow.agents.effects import Specify
+from dyknow.agents.exchange.import_proxy import STREAMS_OF_ONE
+from dyknow.agents.places import FlightLimits
+from dyknow.compunits import catalogue
+from dyknow.federation.members.command_centre import CommandCentre
+from dyknow.federation.members.member import Member
+from dyknow.federation.messages import contents
+from dyknow.federation.messages.acts import Act, AgentName, Performative
+from dyknow.federation.messages.codec import encode_act
+from dyknow.federation.messages.protocols import OPENING, Conversation
+from dyknow.federation.messages.unpacking import MAX_BYTES
+from dyknow.federation.security.trust import Role, Roster, RosterMember, Signer, Trust
 from dyknow.model.errors import ContentError
 from dyknow.model.instants import LATEST_US
-from federation.members.command_centre import CommandCentre
-from federation.members.member import Member
-from federation.messages import contents
-from federation.messages.acts import Act, AgentName, Performative
-from federation.messages.codec import encode_act
-from federation.messages.protocols import OPENING, Conversation
-from federation.messages.unpacking import MAX_BYTES
-from federation.security.trust import Role, Roster, RosterMember, Signer, Trust
-from navigation.geodesy import LocalFrame, distance_m
-from navigation.vehicle import Command, Order, Report
-from sim_uavs.boxes.shared import HandlingList
-from sim_uavs.cameras.onboard import OnboardCameras
-from sim_uavs.depot import boxes_of, hoist_of, loader, scene_of
-from sim_uavs.dynamics.scenarios import Scenario, Unit, scenario
-from sim_uavs.dynamics.settings import HomePlace
-from sim_uavs.dynamics.vehicles import SimulatedVehicle
-from sim_uavs.monitoring.specifications import READY
-from sim_uavs.roads.layouts import network_of
-from sim_uavs.streets import carried_over, roads_of, watching
-from sim_uavs.world.units import DriftingClock, WorldNode
-from sim_uavs.world.world import START_US, World
+from dyknow.navigation.geodesy import LocalFrame, distance_m
+from dyknow.navigation.vehicle import Command, Order, Report
+from dyknow.sim_uavs.boxes.shared import HandlingList
+from dyknow.sim_uavs.cameras.onboard import OnboardCameras
+from dyknow.sim_uavs.depot import boxes_of, hoist_of, loader, scene_of
+from dyknow.sim_uavs.dynamics.scenarios import Scenario, Unit, scenario
+from dyknow.sim_uavs.dynamics.settings import HomePlace
+from dyknow.sim_uavs.dynamics.vehicles import SimulatedVehicle
+from dyknow.sim_uavs.monitoring.specifications import READY
+from dyknow.sim_uavs.roads.layouts import network_of
+from dyknow.sim_uavs.streets import carried_over, roads_of, watching
+from dyknow.sim_uavs.world.units import DriftingClock, WorldNode
+from dyknow.sim_uavs.world.world import START_US, World
 from tests.agents.insiders.drawing import LASTING, Drawing
 
 P = Performative

@@ -2,12 +2,12 @@
 
 import pytest
 
-from agents.capabilities.areas.assignment import AreaAssignment
-from agents.capabilities.areas.division import AreaDivision
-from agents.capabilities.flight.arbiter import Commander
-from federation.messages import contents
-from federation.messages.contents.parts import LAST_GENERATION, next_generation
-from navigation.vehicle import HoldOrder
+from dyknow.agents.capabilities.areas.assignment import AreaAssignment
+from dyknow.agents.capabilities.areas.division import AreaDivision
+from dyknow.agents.capabilities.flight.arbiter import Commander
+from dyknow.federation.messages import contents
+from dyknow.federation.messages.contents.parts import LAST_GENERATION, next_generation
+from dyknow.navigation.vehicle import HoldOrder
 from tests.agents.insiders.federations import HostileFederation, OrderGiven
 
 AREA = ("58.40 15.60", "58.40 15.61", "58.41 15.61", "58.41 15.60")

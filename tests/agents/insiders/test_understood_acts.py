@@ -5,7 +5,7 @@ from pathlib import Path
 
 import pytest
 
-from federation.sharing.exports import LINGER_US
+from dyknow.federation.sharing.exports import LINGER_US
 from tests.agents.insiders.federations import HONEST, MOST, SCENARIOS, HostileFederation
 
 WHOLE = 1_000_000

@@ -4,8 +4,8 @@ from random import Random
 
 import pytest
 
-from agents.monitoring.reported_alarms import BURST, ReportedAlarms
-from federation.messages.contents import Alarm, MonitorProximity, Progress
+from dyknow.agents.monitoring.reported_alarms import BURST, ReportedAlarms
+from dyknow.federation.messages.contents import Alarm, MonitorProximity, Progress
 from tests.agents.rosters import trust
 from tests.box import Box, Vehicle
 

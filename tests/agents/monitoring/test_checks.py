@@ -5,13 +5,13 @@ from typing import Any
 
 import pytest
 
-from agents.monitoring.checks import Checks
-from agents.platform import Platform
-from agents.specification.specification_part import SpecificationPart
 from dyknow import Label, Sample, prototypes_in, source
-from federation.messages.acts import Performative
-from federation.messages.contents import CheckFormula, Verdict
-from kpl import parse_specification
+from dyknow.agents.monitoring.checks import Checks
+from dyknow.agents.platform import Platform
+from dyknow.agents.specification.specification_part import SpecificationPart
+from dyknow.federation.messages.acts import Performative
+from dyknow.federation.messages.contents import CheckFormula, Verdict
+from dyknow.kpl import parse_specification
 from tests.agents.specification.test_specification_part import Pair, places
 from tests.box import Box
 

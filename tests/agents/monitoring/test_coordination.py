@@ -2,11 +2,11 @@
 
 import pytest
 
-from agents.monitoring.alarm_log import AlarmLog
-from agents.monitoring.coordination import Coordination
-from agents.tasks.life import SUCCESSOR_STEP_US
-from federation.messages.acts import Performative
-from federation.messages.contents import (
+from dyknow.agents.monitoring.alarm_log import AlarmLog
+from dyknow.agents.monitoring.coordination import Coordination
+from dyknow.agents.tasks.life import SUCCESSOR_STEP_US
+from dyknow.federation.messages.acts import Performative
+from dyknow.federation.messages.contents import (
     Alarm,
     CreateMonitor,
     CreateMulticast,
@@ -17,7 +17,7 @@ from federation.messages.contents import (
     TaskList,
     Tasks,
 )
-from federation.messages.dialogue import Dialogue
+from dyknow.federation.messages.dialogue import Dialogue
 from tests.box import EPOCH, Box, Question, Vehicle
 
 P = Performative

@@ -2,11 +2,11 @@
 
 import pytest
 
-from agents.monitoring.coordination import Coordination
-from federation import keys
-from federation.messages.acts import Performative
-from federation.messages.contents import MonitorProximity, TaskList, Tasks
-from federation.transport import Put
+from dyknow.agents.monitoring.coordination import Coordination
+from dyknow.federation import keys
+from dyknow.federation.messages.acts import Performative
+from dyknow.federation.messages.contents import MonitorProximity, TaskList, Tasks
+from dyknow.federation.transport import Put
 from tests.box import Box, Question, Vehicle
 
 

@@ -1,12 +1,12 @@
 """A long formula of another member is parsed next to the thread of the platform; how many and how much one may ask is limited."""
 
-from agents.effects import Computed
-from agents.monitoring.checks import MOST_CHECKS_OF_ONE, Checks
-from agents.monitoring.recognitions import MOST_OF_ONE
-from agents.monitoring.text_reading import LONG
+from dyknow.agents.effects import Computed
+from dyknow.agents.monitoring.checks import MOST_CHECKS_OF_ONE, Checks
+from dyknow.agents.monitoring.recognitions import MOST_OF_ONE
+from dyknow.agents.monitoring.text_reading import LONG
+from dyknow.federation.messages.acts import Performative
+from dyknow.federation.messages.contents import CheckFormula, Reason, Recognise, Verdict
 from dyknow.network.process import Work
-from federation.messages.acts import Performative
-from federation.messages.contents import CheckFormula, Reason, Recognise, Verdict
 from tests.agents.rosters import trust
 from tests.box import Box, Question, Vehicle
 

@@ -7,8 +7,6 @@ from random import Random
 from hypothesis import given, settings
 from hypothesis import strategies as st
 
-from agents.monitoring.monitor_plans import MonitorPlan, PlanBook
-from agents.monitoring.monitors import UnitMonitors
 from dyknow import (
     NO_VALUE,
     SURE,
@@ -24,9 +22,11 @@ from dyknow import (
     Synchronizer,
     Value,
 )
-from federation.sharing.ontology import default_ontology
-from federation.sharing.translation import LabelConversion
-from reasoning import AlarmEvent, Monitor, builtin_profiles, closest_approach, instantiate, offset_m
+from dyknow.agents.monitoring.monitor_plans import MonitorPlan, PlanBook
+from dyknow.agents.monitoring.monitors import UnitMonitors
+from dyknow.federation.sharing.ontology import default_ontology
+from dyknow.federation.sharing.translation import LabelConversion
+from dyknow.reasoning import AlarmEvent, Monitor, builtin_profiles, closest_approach, instantiate, offset_m
 
 UNIT, OTHERS = "0", ("1", "2", "3")
 LABELS = ("heli-position", "heli-altitude", "heli-velocity")

@@ -2,12 +2,12 @@
 
 import pytest
 
-from agents.config import PlatformConfig
-from agents.monitoring.recognitions import MOST_OF_ONE, Recognitions
 from dyknow import Sample, prototypes_in, source
-from federation.messages.acts import Performative
-from federation.messages.contents import Expected, Reason, Recognise, Recognised
-from sim_uavs.world.world import World
+from dyknow.agents.config import PlatformConfig
+from dyknow.agents.monitoring.recognitions import MOST_OF_ONE, Recognitions
+from dyknow.federation.messages.acts import Performative
+from dyknow.federation.messages.contents import Expected, Reason, Recognise, Recognised
+from dyknow.sim_uavs.world.world import World
 
 TURN = """
 chronicle turns[?car, ?from, ?to] {

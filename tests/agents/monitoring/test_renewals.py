@@ -2,8 +2,8 @@
 
 import pytest
 
-from agents.monitoring.coordination import RENEW_US
-from federation.messages.contents import CreateMonitor, HandOver, MonitorProximity
+from dyknow.agents.monitoring.coordination import RENEW_US
+from dyknow.federation.messages.contents import CreateMonitor, HandOver, MonitorProximity
 from tests.agents.rosters import trust
 from tests.box import Box, Vehicle
 

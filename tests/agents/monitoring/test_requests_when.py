@@ -4,10 +4,10 @@ from typing import Any
 
 import pytest
 
-from agents.effects import Fed
-from agents.monitoring.checks import MOST_OF_ONE, Checks
-from federation.messages.acts import Performative
-from federation.messages.contents import (
+from dyknow.agents.effects import Fed
+from dyknow.agents.monitoring.checks import MOST_OF_ONE, Checks
+from dyknow.federation.messages.acts import Performative
+from dyknow.federation.messages.contents import (
     CheckFormula,
     Content,
     CreateMonitor,
@@ -18,7 +18,7 @@ from federation.messages.contents import (
     Verdict,
     When,
 )
-from federation.messages.sexpr import Expr
+from dyknow.federation.messages.sexpr import Expr
 from tests.agents.admission.test_hostile import trust
 from tests.box import Box, Question, Vehicle
 

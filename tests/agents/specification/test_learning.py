@@ -4,13 +4,13 @@ from pathlib import Path
 
 import pytest
 
-from agents.effects import Fed, Keep, Specify
-from agents.platform import Platform
-from agents.specification.learning import Learning
 from dyknow import Label
+from dyknow.agents.effects import Fed, Keep, Specify
+from dyknow.agents.platform import Platform
+from dyknow.agents.specification.learning import Learning
+from dyknow.kpl.linking.beliefs import BeliefStream
 from dyknow.model.errors import WrongCall
-from kpl.linking.beliefs import BeliefStream
-from runtime.learnt_files import LearntFiles
+from dyknow.runtime.learnt_files import LearntFiles
 from tests.box import Box
 
 YARD = Path("examples/world/yard.toml").read_text("utf-8") + "\n[attributes.mass_kg]\nmean = 1000.0\nsd = 500.0\n"

@@ -1,8 +1,8 @@
 """Objects that links make of percepts, on platforms: members of domains, shared with others, listed, and explained."""
 
-from agents.effects import Fed
-from federation.messages.acts import Performative
-from federation.messages.contents import ObjectEvents, ObjectList
+from dyknow.agents.effects import Fed
+from dyknow.federation.messages.acts import Performative
+from dyknow.federation.messages.contents import ObjectEvents, ObjectList
 from tests.agents.specification.test_specification_part import Pair
 
 OBJECT = (
@@ -116,10 +116,10 @@ def test_a_forgotten_object_leaves_the_domain_wherever_it_is_known():
 
 
 def test_where_an_object_may_be_that_is_hidden_in_a_crossing_is_listed_with_the_weights_of_its_ways() -> None:
-    from agents.specification.object_queries import _branches
-    from anchoring.links.objects import LinkObject
-    from anchoring.links.prediction import Hypothesis, ObjectPrediction
-    from anchoring.links.states import ObjectState, diagonal
+    from dyknow.agents.specification.object_queries import _branches
+    from dyknow.anchoring.links.objects import LinkObject
+    from dyknow.anchoring.links.prediction import Hypothesis, ObjectPrediction
+    from dyknow.anchoring.links.states import ObjectState, diagonal
 
     def on(link: str, weight: float) -> Hypothesis:
         return Hypothesis(ObjectState(0, 0.0, 0.0, 0.0, 0.0, diagonal(1.0, 1.0), {"route": link}), weight)

@@ -2,12 +2,12 @@
 
 import pytest
 
-from agents.config import PlatformConfig
-from agents.effects import Fed
 from dyknow import Predicted, Quality
-from federation.messages.acts import Performative
-from federation.messages.contents import AlarmList, Query, Samples
-from runtime.library.results import sample_of_reading
+from dyknow.agents.config import PlatformConfig
+from dyknow.agents.effects import Fed
+from dyknow.federation.messages.acts import Performative
+from dyknow.federation.messages.contents import AlarmList, Query, Samples
+from dyknow.runtime.library.results import sample_of_reading
 from tests.box import Box
 
 LABEL = 'label gap-ahead : gap in m "how far the next car is"\n'

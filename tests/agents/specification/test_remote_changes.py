@@ -2,12 +2,12 @@
 
 import pytest
 
-from agents.config import PlatformConfig
-from agents.monitoring.coordination import Coordination
-from agents.specification.remote_changes import CHANGES_BURST
-from agents.specification.specification_part import OWNER
-from federation.messages.acts import Performative
-from federation.messages.contents import (
+from dyknow.agents.config import PlatformConfig
+from dyknow.agents.monitoring.coordination import Coordination
+from dyknow.agents.specification.remote_changes import CHANGES_BURST
+from dyknow.agents.specification.specification_part import OWNER
+from dyknow.federation.messages.acts import Performative
+from dyknow.federation.messages.contents import (
     AddDeclarations,
     Alarm,
     AlarmList,
@@ -21,8 +21,8 @@ from federation.messages.contents import (
     RestoreSpecification,
     SpecificationChanged,
 )
-from federation.messages.contents.parts import ContentError, read
-from kpl import parse_specification, print_specification
+from dyknow.federation.messages.contents.parts import ContentError, read
+from dyknow.kpl import parse_specification, print_specification
 from tests.agents.specification.test_specification_part import Pair, text_of
 from tests.federation.expressions import parse_expr
 

@@ -2,10 +2,10 @@
 
 import pytest
 
-from agents.effects import Fed
 from dyknow import NO_VALUE, Sample
-from federation.messages.acts import Performative
-from federation.messages.contents import CheckFormula
+from dyknow.agents.effects import Fed
+from dyknow.federation.messages.acts import Performative
+from dyknow.federation.messages.contents import CheckFormula
 from tests.agents.specification.test_specification_part import Pair
 
 LABEL = (

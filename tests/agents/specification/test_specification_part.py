@@ -6,20 +6,20 @@ from pathlib import Path
 
 import pytest
 
-from agents.config import PlatformConfig
-from agents.effects import HostCame, HostMessage
-from agents.exchange.subscription_keeper import SubscriptionKeeper
-from agents.hosts.knowledge_host import KnowledgeHost
-from agents.hosts.outbox import Outbox
-from agents.options import Chosen
-from agents.specification.options import RunOptions
-from agents.specification.specification_part import SpecificationPart
-from compunits import catalogue
 from dyknow import Label, Quality, Sample, SourcePrototype, computational_unit, prototypes_in, source
-from federation.messages.acts import Performative
-from federation.messages.contents import AlarmList, Monitors, Query
-from kpl import parse_specification, print_specification
-from sim_uavs.world.world import World
+from dyknow.agents.config import PlatformConfig
+from dyknow.agents.effects import HostCame, HostMessage
+from dyknow.agents.exchange.subscription_keeper import SubscriptionKeeper
+from dyknow.agents.hosts.knowledge_host import KnowledgeHost
+from dyknow.agents.hosts.outbox import Outbox
+from dyknow.agents.options import Chosen
+from dyknow.agents.specification.options import RunOptions
+from dyknow.agents.specification.specification_part import SpecificationPart
+from dyknow.compunits import catalogue
+from dyknow.federation.messages.acts import Performative
+from dyknow.federation.messages.contents import AlarmList, Monitors, Query
+from dyknow.kpl import parse_specification, print_specification
+from dyknow.sim_uavs.world.world import World
 
 EXAMPLES = Path(__file__).parents[3] / "examples"
 
@@ -90,7 +90,7 @@ def test_a_declared_monitor_over_units_opens_and_closes_alarms(pair):
 
 
 def test_a_platform_that_the_specification_lives_on_is_missed_aloud(pair):
-    from console.commands.texts.run_output import _sample
+    from dyknow.console.commands.texts.run_output import _sample
 
     pair.world.run_for(5)
     pair.world.freeze("1")

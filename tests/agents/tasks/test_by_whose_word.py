@@ -14,16 +14,16 @@ from random import Random
 
 import pytest
 
-from agents.capabilities.areas.assignment import AreaAssignment
-from agents.capabilities.missions.performing import Performing
-from agents.platform import Platform
-from agents.tasks.authority import LIFE_US
-from agents.tasks.command_watch import CommandWatch
-from federation.members.member import Member
-from federation.messages import contents
-from federation.messages.acts import Act, AgentName, Performative
-from federation.messages.codec import encode_act
-from federation.security.trust import Role, Roster, RosterMember, Signer, Trust
+from dyknow.agents.capabilities.areas.assignment import AreaAssignment
+from dyknow.agents.capabilities.missions.performing import Performing
+from dyknow.agents.platform import Platform
+from dyknow.agents.tasks.authority import LIFE_US
+from dyknow.agents.tasks.command_watch import CommandWatch
+from dyknow.federation.members.member import Member
+from dyknow.federation.messages import contents
+from dyknow.federation.messages.acts import Act, AgentName, Performative
+from dyknow.federation.messages.codec import encode_act
+from dyknow.federation.security.trust import Role, Roster, RosterMember, Signer, Trust
 from tests.box import EPOCH, METRE_DEG, Box, Vehicle
 
 P = Performative

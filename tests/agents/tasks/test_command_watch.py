@@ -5,13 +5,12 @@ from random import Random
 
 import pytest
 
-from agents.capabilities.areas.assignment import AreaAssignment
-from agents.capabilities.missions.performing import Performing
-from agents.monitoring.alarm_log import AlarmLog
-from agents.tasks.command_watch import COMMANDER, MOST, QUIET_US, REFUSED, SETTLED_US, CommandWatch
-from dyknow.model.errors import Refused
-from federation.messages.acts import AgentName, Performative
-from federation.messages.contents import (
+from dyknow.agents.capabilities.areas.assignment import AreaAssignment
+from dyknow.agents.capabilities.missions.performing import Performing
+from dyknow.agents.monitoring.alarm_log import AlarmLog
+from dyknow.agents.tasks.command_watch import COMMANDER, MOST, QUIET_US, REFUSED, SETTLED_US, CommandWatch
+from dyknow.federation.messages.acts import AgentName, Performative
+from dyknow.federation.messages.contents import (
     AssignArea,
     CommandEntry,
     Content,
@@ -26,6 +25,7 @@ from federation.messages.contents import (
     Reason,
     TaskOver,
 )
+from dyknow.model.errors import Refused
 from tests.agents.rosters import trust
 from tests.box import Box, Vehicle
 

@@ -2,8 +2,8 @@
 
 import pytest
 
-from federation.messages.acts import Performative
-from federation.messages.contents import (
+from dyknow.federation.messages.acts import Performative
+from dyknow.federation.messages.contents import (
     CreateMonitor,
     CreateMulticast,
     MonitorProximity,

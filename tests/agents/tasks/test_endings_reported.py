@@ -2,7 +2,7 @@
 
 import pytest
 
-from federation.messages.contents import DivideArea, MonitorProximity, Progress
+from dyknow.federation.messages.contents import DivideArea, MonitorProximity, Progress
 from tests.agents.rosters import trust
 from tests.box import Box, Vehicle
 

@@ -1,11 +1,11 @@
 import pytest
 
-from agents.platform import Platform
-from agents.tasks.authority import TaskEvidence
-from agents.tasks.life import TOMBSTONES
-from agents.tasks.task import Claim, Task
+from dyknow.agents.platform import Platform
+from dyknow.agents.tasks.authority import TaskEvidence
+from dyknow.agents.tasks.life import TOMBSTONES
+from dyknow.agents.tasks.task import Claim, Task
+from dyknow.federation.messages.contents import MonitorProximity
 from dyknow.model.errors import Refused
-from federation.messages.contents import MonitorProximity
 from tests.box import Box
 
 TASK = "cc-1-1.1"

@@ -2,7 +2,7 @@
 
 import pytest
 
-from federation.messages.contents import CreateMonitor, MonitorProximity
+from dyknow.federation.messages.contents import CreateMonitor, MonitorProximity
 from tests.agents.rosters import trust
 from tests.box import Box, Vehicle
 

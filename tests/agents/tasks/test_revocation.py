@@ -4,13 +4,13 @@ from dataclasses import replace
 
 import pytest
 
-from agents.actions import Role
-from agents.capabilities.areas.assignment import AreaAssignment
-from agents.capabilities.areas.division import AreaDivision
-from agents.capabilities.missions.performing import Performing
-from agents.tasks.command_watch import REVOKED, REVOKED_US, CommandWatch
-from federation.messages.acts import Performative
-from federation.messages.contents import (
+from dyknow.agents.actions import Role
+from dyknow.agents.capabilities.areas.assignment import AreaAssignment
+from dyknow.agents.capabilities.areas.division import AreaDivision
+from dyknow.agents.capabilities.missions.performing import Performing
+from dyknow.agents.tasks.command_watch import REVOKED, REVOKED_US, CommandWatch
+from dyknow.federation.messages.acts import Performative
+from dyknow.federation.messages.contents import (
     Alarm,
     Alarms,
     CommandEntry,
@@ -24,8 +24,8 @@ from federation.messages.contents import (
     PermitMission,
     Reason,
 )
-from federation.security.trust import Roster, Trust
-from federation.transport import RosterRead
+from dyknow.federation.security.trust import Roster, Trust
+from dyknow.federation.transport import RosterRead
 from tests.agents.rosters import MEMBERS, ROLES, SEEDS
 from tests.box import EPOCH, Box, Question, Vehicle
 

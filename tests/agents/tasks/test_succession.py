@@ -4,12 +4,12 @@ from hashlib import sha256
 
 import pytest
 
-from agents.monitoring.coordination import Coordination
-from agents.platform import Platform
-from console.commands.members.delegate import plain
-from federation.messages.acts import AgentName, Performative
-from federation.messages.codec import decode_act, encode_act
-from federation.messages.contents import (
+from dyknow.agents.monitoring.coordination import Coordination
+from dyknow.agents.platform import Platform
+from dyknow.console.commands.members.delegate import plain
+from dyknow.federation.messages.acts import AgentName, Performative
+from dyknow.federation.messages.codec import decode_act, encode_act
+from dyknow.federation.messages.contents import (
     Alarm,
     CreateMonitor,
     HandOver,
@@ -19,7 +19,7 @@ from federation.messages.contents import (
     TaskList,
     Tasks,
 )
-from federation.security.trust import Role, Roster, RosterMember, Signer, Trust
+from dyknow.federation.security.trust import Role, Roster, RosterMember, Signer, Trust
 from tests.box import EPOCH, Box, Question, Vehicle
 
 P = Performative

@@ -2,10 +2,10 @@
 
 import pytest
 
-from federation import keys
-from federation.members.command_centre import CommandCentre
-from federation.messages.acts import Act, AgentName, Performative
-from federation.messages.contents import (
+from dyknow.federation import keys
+from dyknow.federation.members.command_centre import CommandCentre
+from dyknow.federation.messages.acts import Act, AgentName, Performative
+from dyknow.federation.messages.contents import (
     Content,
     DivideArea,
     Done,
@@ -18,7 +18,7 @@ from federation.messages.contents import (
     Reason,
     Stream,
 )
-from federation.messages.protocols import OPENING
+from dyknow.federation.messages.protocols import OPENING
 from tests.agents.rosters import trust
 from tests.box import Box, Vehicle
 

@@ -10,14 +10,14 @@ import pytest
 from hypothesis import given
 from hypothesis import strategies as st
 
-from anchoring.attention.deciding import MOST_OBJECTS, Attention, Gaze
-from anchoring.attention.ground import MOST_PLACES, SearchedGround, around, roads_near
-from anchoring.attention.view import TurnableCamera, TurnLimits
-from anchoring.attention.watched import Interest, WatchedObject, WatchedPlace
-from anchoring.roads.network import RoadNetwork
-from navigation import LocalFrame
-from navigation.cameras.pinhole import Attitude, CameraPose, Intrinsics, PanTilt
-from sim_uavs.roads.layouts import cross, network_of
+from dyknow.anchoring.attention.deciding import MOST_OBJECTS, Attention, Gaze
+from dyknow.anchoring.attention.ground import MOST_PLACES, SearchedGround, around, roads_near
+from dyknow.anchoring.attention.view import TurnableCamera, TurnLimits
+from dyknow.anchoring.attention.watched import Interest, WatchedObject, WatchedPlace
+from dyknow.anchoring.roads.network import RoadNetwork
+from dyknow.navigation import LocalFrame
+from dyknow.navigation.cameras.pinhole import Attitude, CameraPose, Intrinsics, PanTilt
+from dyknow.sim_uavs.roads.layouts import cross, network_of
 
 CAMERA = Intrinsics.of_view(640, 480, radians(60.0))
 STEP_US = 200_000

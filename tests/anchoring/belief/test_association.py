@@ -5,8 +5,8 @@ import pytest
 from hypothesis import example, given
 from hypothesis import strategies as st
 
-from anchoring.belief.association.scans import associate
-from anchoring.belief.association.single import OtherSources, by_event, by_share
+from dyknow.anchoring.belief.association.scans import associate
+from dyknow.anchoring.belief.association.single import OtherSources, by_event, by_share
 from tests.anchoring.belief import enumeration
 
 READINGS = {"event": by_event, "share": by_share}

@@ -6,17 +6,17 @@ from math import hypot, pi
 import numpy as np
 import pytest
 
-from anchoring.belief.cameras import CameraSensor, camera_view
-from anchoring.belief.description import Confusion, LifeThresholds, ObjectTypes, WorldModel, WorldSensor, uniform
-from anchoring.belief.environment import EnvironmentModel
-from anchoring.links.states import ObjectState, diagonal
-from anchoring.links.structures import Percept
-from navigation.cameras.ground import FlatGround
-from navigation.cameras.pinhole import Attitude, CameraPose, Intrinsics, PanTilt
-from sim_uavs.cameras.detectors import COLOUR_CAMERA
-from sim_uavs.roads.drivers import COLOURS, Driver
-from sim_uavs.roads.layouts import cross
-from sim_uavs.roads.scenes import recorded
+from dyknow.anchoring.belief.cameras import CameraSensor, camera_view
+from dyknow.anchoring.belief.description import Confusion, LifeThresholds, ObjectTypes, WorldModel, WorldSensor, uniform
+from dyknow.anchoring.belief.environment import EnvironmentModel
+from dyknow.anchoring.links.states import ObjectState, diagonal
+from dyknow.anchoring.links.structures import Percept
+from dyknow.navigation.cameras.ground import FlatGround
+from dyknow.navigation.cameras.pinhole import Attitude, CameraPose, Intrinsics, PanTilt
+from dyknow.sim_uavs.cameras.detectors import COLOUR_CAMERA
+from dyknow.sim_uavs.roads.drivers import COLOURS, Driver
+from dyknow.sim_uavs.roads.layouts import cross
+from dyknow.sim_uavs.roads.scenes import recorded
 from tests.anchoring.belief.worlds import position
 from tests.sim_uavs.cameras.flights import IMAGE_US, hover
 

@@ -8,7 +8,7 @@ import pytest
 from hypothesis import given
 from hypothesis import strategies as st
 
-from anchoring.belief.description import (
+from dyknow.anchoring.belief.description import (
     GaussianAttribute,
     InitialInstance,
     LifeThresholds,
@@ -19,8 +19,8 @@ from anchoring.belief.description import (
     WorldSensor,
     uniform,
 )
-from anchoring.belief.environment import EnvironmentModel
-from anchoring.belief.observations import ReportedRelation, WorldObservation
+from dyknow.anchoring.belief.environment import EnvironmentModel
+from dyknow.anchoring.belief.observations import ReportedRelation, WorldObservation
 from tests.anchoring.belief import enumeration
 from tests.anchoring.belief.worlds import COLOURS, S, position, seen, sensor, world
 
@@ -212,7 +212,7 @@ def cup_world(ageing_s: float = 60.0) -> WorldModel:
         frozenset({"position_m"}): np.array([0.3, 0.9]),
     }
     types = ObjectTypes(uniform("type", names), by_set, least=0.0)
-    from anchoring.belief.description import Confusion
+    from dyknow.anchoring.belief.description import Confusion
 
     shades = Confusion(("red", "dark red", "blue"), np.array([[0.6, 0.3, 0.1], [0.05, 0.05, 0.9]]))
     camera = WorldSensor(

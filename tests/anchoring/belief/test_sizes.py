@@ -5,9 +5,9 @@ import os
 import numpy as np
 import pytest
 
-from anchoring.belief.description import InitialInstance, LifeThresholds, WorldLimits
-from anchoring.belief.environment import EnvironmentModel
-from anchoring.belief.gaussians import GaussianBeliefs, Innovations
+from dyknow.anchoring.belief.description import InitialInstance, LifeThresholds, WorldLimits
+from dyknow.anchoring.belief.environment import EnvironmentModel
+from dyknow.anchoring.belief.gaussians import GaussianBeliefs, Innovations
 from tests.anchoring.belief.worlds import S, position, seen, sensor, world
 
 FULL = bool(os.environ.get("DYKNOW_FULL"))

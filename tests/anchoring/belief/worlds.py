@@ -5,7 +5,7 @@ from typing import Any
 
 import numpy as np
 
-from anchoring.belief.description import (
+from dyknow.anchoring.belief.description import (
     CategoricalAttribute,
     Confusion,
     GaussianAttribute,
@@ -16,7 +16,7 @@ from anchoring.belief.description import (
     WorldSensor,
     uniform,
 )
-from anchoring.belief.observations import WorldObservation
+from dyknow.anchoring.belief.observations import WorldObservation
 
 S = 1_000_000
 COLOURS = ("red", "blue", "white")

@@ -4,10 +4,10 @@ from collections.abc import Callable, Mapping
 
 import numpy as np
 
-from anchoring.cooperation.picture import GlobalPicture
-from anchoring.cooperation.reports import TrackReport
-from anchoring.links.states import ObjectState, diagonal
 from bench.cooperation.wire import Wire
+from dyknow.anchoring.cooperation.picture import GlobalPicture
+from dyknow.anchoring.cooperation.reports import TrackReport
+from dyknow.anchoring.links.states import ObjectState, diagonal
 
 START_US = 1_700_000_000_000_000
 STEP_US = 200_000

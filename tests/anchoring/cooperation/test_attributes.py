@@ -1,9 +1,9 @@
 """Values of attributes that are too many are left out and counted; what was not seen for a second begins anew."""
 
-from anchoring.cooperation.attributes import MOST_HELD, UNSEEN_US, AttributeChanges, ObjectAttribute, Sights
-from anchoring.cooperation.manoeuvres import MOST_WAITING, SpanningManoeuvres
 from dyknow import Label
-from kpl import parse_chronicles
+from dyknow.anchoring.cooperation.attributes import MOST_HELD, UNSEEN_US, AttributeChanges, ObjectAttribute, Sights
+from dyknow.anchoring.cooperation.manoeuvres import MOST_WAITING, SpanningManoeuvres
+from dyknow.kpl import parse_chronicles
 
 CHANGES = parse_chronicles(
     "attribute lane[?c]\nchronicle changes[?c, ?one, ?other](t) { event(lane[?c]:(?one, ?other), t) }\n"

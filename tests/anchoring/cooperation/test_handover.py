@@ -5,11 +5,11 @@ import os
 import numpy as np
 import pytest
 
-from anchoring.cooperation.manoeuvres import PairEvents, PairRelation, PairRelations, as_relation
-from anchoring.cooperation.rows import PictureRow
-from anchoring.cooperation.sharing import LEVELS, Partner, chosen_level, kbit_s, right_neighbour, wanted_of
-from anchoring.links.states import ObjectState, diagonal
 from bench.cooperation.handover import counted, is_right, outcome
+from dyknow.anchoring.cooperation.manoeuvres import PairEvents, PairRelation, PairRelations, as_relation
+from dyknow.anchoring.cooperation.rows import PictureRow
+from dyknow.anchoring.cooperation.sharing import LEVELS, Partner, chosen_level, kbit_s, right_neighbour, wanted_of
+from dyknow.anchoring.links.states import ObjectState, diagonal
 
 FULL = bool(os.environ.get("DYKNOW_FULL"))
 SHARED = [level for level in LEVELS if level != "none"]

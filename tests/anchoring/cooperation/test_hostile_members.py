@@ -5,12 +5,12 @@ import math
 import numpy as np
 import pytest
 
-from anchoring.cooperation.manoeuvres import LATE_US, MOST_WAITING, PairRelation, SpanningManoeuvres
-from anchoring.cooperation.memory import MOST_OF_ONE
-from anchoring.cooperation.picture import GlobalPicture
-from anchoring.cooperation.reports import MOST_REPORTS_S, MOST_TRACKS, IdentityClaim, TrackReport, fault_of
-from anchoring.links.states import ObjectState, diagonal
 from bench.overtakes.recognition import chronicles
+from dyknow.anchoring.cooperation.manoeuvres import LATE_US, MOST_WAITING, PairRelation, SpanningManoeuvres
+from dyknow.anchoring.cooperation.memory import MOST_OF_ONE
+from dyknow.anchoring.cooperation.picture import GlobalPicture
+from dyknow.anchoring.cooperation.reports import MOST_REPORTS_S, MOST_TRACKS, IdentityClaim, TrackReport, fault_of
+from dyknow.anchoring.links.states import ObjectState, diagonal
 from tests.anchoring.cooperation.skies import START_US, Sky, along, state
 
 CAR, NEXT, LAST = along(0.0), along(25.0, 3.5), along(60.0)
@@ -147,8 +147,8 @@ def test_relations_of_another_time_and_floods_of_them_are_not_taken() -> None:
 def test_of_two_names_that_of_the_member_that_is_trusted_more_stands_and_one_that_is_not_trusted_counts_for_nothing() -> (
     None
 ):
-    from anchoring.cooperation.identities import Held, named
-    from anchoring.cooperation.reports import TrackKey
+    from dyknow.anchoring.cooperation.identities import Held, named
+    from dyknow.anchoring.cooperation.reports import TrackKey
 
     one, other, third = TrackKey("1", "a"), TrackKey("2", "b"), TrackKey("3", "c")
     held = {one: Held("old", 1, 1), other: Held("young", 5, 5), third: Held("young", 5, 5)}

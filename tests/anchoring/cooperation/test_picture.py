@@ -2,7 +2,7 @@
 
 import numpy as np
 
-from anchoring.cooperation.picture import NEW_US
+from dyknow.anchoring.cooperation.picture import NEW_US
 from tests.anchoring.cooperation.skies import START_US, Sky, along
 
 CAR, NEXT = along(0.0), along(25.0, 3.5)

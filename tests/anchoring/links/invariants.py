@@ -2,8 +2,8 @@
 
 from math import isnan
 
-from anchoring.links.processes import LinkProcess
-from anchoring.links.structures import LinkOutcome, ObjectLinkage
+from dyknow.anchoring.links.processes import LinkProcess
+from dyknow.anchoring.links.structures import LinkOutcome, ObjectLinkage
 
 
 def check(linkage: ObjectLinkage, outcome: LinkOutcome) -> None:

@@ -8,14 +8,14 @@ from typing import Final
 
 import pytest
 
-from anchoring.links.composites import CompositeSpecification
-from anchoring.links.motion import MotionPredictor
-from anchoring.links.prediction import ConstantVelocity
-from anchoring.links.specification import LinkSpecification, Threshold, filtered, unlikelihood
-from anchoring.links.states import ObjectState, diagonal
-from anchoring.links.structures import ObjectLinkage, Percept
-from anchoring.ready import NEAR, NEW, VISION, WORLD, ready_specification
-from kpl import parse_formula
+from dyknow.anchoring.links.composites import CompositeSpecification
+from dyknow.anchoring.links.motion import MotionPredictor
+from dyknow.anchoring.links.prediction import ConstantVelocity
+from dyknow.anchoring.links.specification import LinkSpecification, Threshold, filtered, unlikelihood
+from dyknow.anchoring.links.states import ObjectState, diagonal
+from dyknow.anchoring.links.structures import ObjectLinkage, Percept
+from dyknow.anchoring.ready import NEAR, NEW, VISION, WORLD, ready_specification
+from dyknow.kpl import parse_formula
 from tests.anchoring.links import invariants
 
 IS_FULL: Final = bool(os.environ.get("DYKNOW_FULL"))

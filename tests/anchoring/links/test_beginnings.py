@@ -1,11 +1,11 @@
 """What objects were before they were established."""
 
-from anchoring.links.beginnings import ObjectBeginnings
-from anchoring.links.states import ObjectState, diagonal
-from anchoring.links.structures import ObjectLinkage, Percept, StateRecord
-from anchoring.ready import ON_ROAD, VISION, WORLD, ready_specification
-from anchoring.roads.files.formats import read_roads
-from anchoring.roads.network import RoadNetwork
+from dyknow.anchoring.links.beginnings import ObjectBeginnings
+from dyknow.anchoring.links.states import ObjectState, diagonal
+from dyknow.anchoring.links.structures import ObjectLinkage, Percept, StateRecord
+from dyknow.anchoring.ready import ON_ROAD, VISION, WORLD, ready_specification
+from dyknow.anchoring.roads.files.formats import read_roads
+from dyknow.anchoring.roads.network import RoadNetwork
 from tests.docs.pages import ROOT
 
 TOWN = read_roads((ROOT / "examples" / "roads" / "town.geojson").read_bytes())

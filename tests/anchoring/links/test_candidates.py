@@ -5,16 +5,16 @@ import random
 
 import pytest
 
-from anchoring.links.objects import LinkEvent
-from anchoring.links.specification import LinkSpecification, likelihoods, unlikelihood
-from anchoring.links.states import ObjectState, diagonal
-from anchoring.links.structures import ObjectLinkage, Percept
-from anchoring.ready import NEAR, NEW, VISION, WORLD, ready_specification
-from anchoring.roads.files.formats import read_roads
-from anchoring.roads.network import RoadNetwork
-from kpl import parse_formula
-from kpl.introspection.link_reasons import because
-from reasoning.formulas.tree import Formula
+from dyknow.anchoring.links.objects import LinkEvent
+from dyknow.anchoring.links.specification import LinkSpecification, likelihoods, unlikelihood
+from dyknow.anchoring.links.states import ObjectState, diagonal
+from dyknow.anchoring.links.structures import ObjectLinkage, Percept
+from dyknow.anchoring.ready import NEAR, NEW, VISION, WORLD, ready_specification
+from dyknow.anchoring.roads.files.formats import read_roads
+from dyknow.anchoring.roads.network import RoadNetwork
+from dyknow.kpl import parse_formula
+from dyknow.kpl.introspection.link_reasons import because
+from dyknow.reasoning.formulas.tree import Formula
 from tests.anchoring.roads import towns
 
 SEEDS = range(100 if os.environ.get("DYKNOW_FULL") else 12)

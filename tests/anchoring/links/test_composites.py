@@ -2,13 +2,13 @@
 
 import pytest
 
-from anchoring.links.composites import CompositeSpecification
-from anchoring.links.objects import LinkEvent, LinkObject
-from anchoring.links.specification import LinkSpecification
-from anchoring.links.states import ObjectState, diagonal
-from anchoring.links.structures import ObjectLinkage, Percept
-from anchoring.ready import NEAR, NEW, VISION, WORLD, ready_specification
-from kpl import parse_formula
+from dyknow.anchoring.links.composites import CompositeSpecification
+from dyknow.anchoring.links.objects import LinkEvent, LinkObject
+from dyknow.anchoring.links.specification import LinkSpecification
+from dyknow.anchoring.links.states import ObjectState, diagonal
+from dyknow.anchoring.links.structures import ObjectLinkage, Percept
+from dyknow.anchoring.ready import NEAR, NEW, VISION, WORLD, ready_specification
+from dyknow.kpl import parse_formula
 from tests.anchoring.links import invariants
 
 CONVOY = CompositeSpecification(

@@ -3,9 +3,9 @@
 import math
 import random
 
-from anchoring.links.individuals import Individual
-from anchoring.links.prediction import ConstantVelocity, HabitualMotion
-from anchoring.links.states import ObjectState, diagonal
+from dyknow.anchoring.links.individuals import Individual
+from dyknow.anchoring.links.prediction import ConstantVelocity, HabitualMotion
+from dyknow.anchoring.links.states import ObjectState, diagonal
 
 GAP_S = 4.0
 

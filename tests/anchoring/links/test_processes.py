@@ -5,13 +5,13 @@ import random
 
 import pytest
 
-from anchoring.links.objects import LinkObject
-from anchoring.links.prediction import ObjectPrediction, certain
-from anchoring.links.specification import LinkSpecification, Threshold
-from anchoring.links.states import ObjectState, diagonal
-from anchoring.links.structures import ObjectLinkage, Percept
-from kpl import parse_formula
-from reasoning.formulas.tree import Formula
+from dyknow.anchoring.links.objects import LinkObject
+from dyknow.anchoring.links.prediction import ObjectPrediction, certain
+from dyknow.anchoring.links.specification import LinkSpecification, Threshold
+from dyknow.anchoring.links.states import ObjectState, diagonal
+from dyknow.anchoring.links.structures import ObjectLinkage, Percept
+from dyknow.kpl import parse_formula
+from dyknow.reasoning.formulas.tree import Formula
 from tests.anchoring.links.transcription import Place, Transcription
 
 EVENTS = 100_000 if os.environ.get("DYKNOW_FULL") else 10_000

@@ -4,11 +4,11 @@ import random
 
 import pytest
 
-from anchoring.links.specification import LinkSpecification
-from anchoring.links.states import ObjectState, diagonal
-from anchoring.links.structures import ObjectLinkage, Percept
-from anchoring.ready import NEAR, NEW, VISION, WORLD
-from kpl import parse_formula
+from dyknow.anchoring.links.specification import LinkSpecification
+from dyknow.anchoring.links.states import ObjectState, diagonal
+from dyknow.anchoring.links.structures import ObjectLinkage, Percept
+from dyknow.anchoring.ready import NEAR, NEW, VISION, WORLD
+from dyknow.kpl import parse_formula
 
 FITS = {
     "car": "length_m[from] < 7",

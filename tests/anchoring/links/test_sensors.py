@@ -5,10 +5,10 @@ import random
 
 import pytest
 
-from anchoring.links.specification import LinkSpecification, Threshold
-from anchoring.links.states import ObjectState, diagonal
-from anchoring.links.structures import ObjectLinkage, Percept
-from anchoring.ready import NEAR, NEW, WORLD
+from dyknow.anchoring.links.specification import LinkSpecification, Threshold
+from dyknow.anchoring.links.states import ObjectState, diagonal
+from dyknow.anchoring.links.structures import ObjectLinkage, Percept
+from dyknow.anchoring.ready import NEAR, NEW, WORLD
 
 SENSORS = {"camera": (100, 1.5), "radar": (250, 2.0)}
 """Period in milliseconds, standard deviation in metres."""

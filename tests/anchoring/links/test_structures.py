@@ -9,13 +9,13 @@ import pytest
 from hypothesis import given, settings
 from hypothesis import strategies as st
 
-from anchoring.links.objects import LinkEvent
-from anchoring.links.specification import LinkSpecification
-from anchoring.links.states import ObjectState, diagonal
-from anchoring.links.structures import ObjectLinkage, Percept
-from anchoring.ready import NEAR, NEW, ON_A_ROAD, ON_ROAD, STAYS_ON_ROADS, VISION, WORLD, ready_specification
-from anchoring.roads.files.formats import read_roads
-from kpl import parse_formula
+from dyknow.anchoring.links.objects import LinkEvent
+from dyknow.anchoring.links.specification import LinkSpecification
+from dyknow.anchoring.links.states import ObjectState, diagonal
+from dyknow.anchoring.links.structures import ObjectLinkage, Percept
+from dyknow.anchoring.ready import NEAR, NEW, ON_A_ROAD, ON_ROAD, STAYS_ON_ROADS, VISION, WORLD, ready_specification
+from dyknow.anchoring.roads.files.formats import read_roads
+from dyknow.kpl import parse_formula
 from tests.anchoring.roads.towns import link, text
 
 STEP_MS = 100

@@ -1,10 +1,10 @@
 """Links on trial: what appears where a known object is expected, and moves another way, is another."""
 
-from anchoring.links.beginnings import ObjectBeginnings
-from anchoring.links.objects import LinkEvent
-from anchoring.links.states import ObjectState, diagonal
-from anchoring.links.structures import ObjectLinkage, Percept, StateRecord
-from anchoring.ready import VISION, WORLD, ready_specification
+from dyknow.anchoring.links.beginnings import ObjectBeginnings
+from dyknow.anchoring.links.objects import LinkEvent
+from dyknow.anchoring.links.states import ObjectState, diagonal
+from dyknow.anchoring.links.structures import ObjectLinkage, Percept, StateRecord
+from dyknow.anchoring.ready import VISION, WORLD, ready_specification
 from tests.anchoring.links import invariants
 
 STEP_MS = 100

@@ -7,16 +7,16 @@ import pytest
 from hypothesis import given
 from hypothesis import strategies as st
 
-from anchoring.links.deciding.wanted import WantedObject
-from anchoring.links.objects import LinkObject
-from anchoring.links.specification import LinkSpecification, unlikelihood
-from anchoring.links.states import NO_ATTRIBUTES, ObjectState, diagonal
-from anchoring.links.structures import ObjectLinkage, Percept
-from anchoring.ready import NEAR, NEW, VISION, WORLD
 from dyknow import NO_VALUE
-from kpl import parse_formula
-from reasoning import make_progression
-from reasoning.formulas.tree import Eventually
+from dyknow.anchoring.links.deciding.wanted import WantedObject
+from dyknow.anchoring.links.objects import LinkObject
+from dyknow.anchoring.links.specification import LinkSpecification, unlikelihood
+from dyknow.anchoring.links.states import NO_ATTRIBUTES, ObjectState, diagonal
+from dyknow.anchoring.links.structures import ObjectLinkage, Percept
+from dyknow.anchoring.ready import NEAR, NEW, VISION, WORLD
+from dyknow.kpl import parse_formula
+from dyknow.reasoning import make_progression
+from dyknow.reasoning.formulas.tree import Eventually
 from tests.anchoring.links import invariants
 
 COLOURS = ("red", "green", "blue", "white")

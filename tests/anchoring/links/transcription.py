@@ -5,7 +5,7 @@ from dataclasses import dataclass, field
 from itertools import permutations
 from math import dist
 
-from reasoning.formulas.tree import Formula
+from dyknow.reasoning.formulas.tree import Formula
 from tests.reasoning.plain import Progression
 
 Place = tuple[float, float]

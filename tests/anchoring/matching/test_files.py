@@ -5,8 +5,8 @@ from typing import Any
 
 import pytest
 
-from anchoring.matching.files import MOST_REASONS, read_matching, situation_json
-from anchoring.matching.situations import classify
+from dyknow.anchoring.matching.files import MOST_REASONS, read_matching, situation_json
+from dyknow.anchoring.matching.situations import classify
 from dyknow.model.errors import TextError
 
 

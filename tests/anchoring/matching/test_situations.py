@@ -6,9 +6,9 @@ import pytest
 from hypothesis import given
 from hypothesis import strategies as st
 
-from anchoring.matching.candidates import ObservationGates, ObservedProperty, PerceptProperties
-from anchoring.matching.descriptions import AllowedInterval, AllowedPlace, AllowedValues, ObjectDescription
-from anchoring.matching.situations import AnchoringSituation, MatchingOptions, classify
+from dyknow.anchoring.matching.candidates import ObservationGates, ObservedProperty, PerceptProperties
+from dyknow.anchoring.matching.descriptions import AllowedInterval, AllowedPlace, AllowedValues, ObjectDescription
+from dyknow.anchoring.matching.situations import AnchoringSituation, MatchingOptions, classify
 from tests.anchoring.matching.transcription import complete, partial, section_3
 
 VALUES = {"shape": ["gasbottle", "box"], "colour": ["red", "green"], "mark": [True, False]}

@@ -1,8 +1,8 @@
 """Which samples of a percept lie too far from the one before."""
 
-from anchoring.links.states import ObjectState, diagonal
-from anchoring.links.structures import Percept
-from anchoring.percepts.leaps import PerceptLeaps
+from dyknow.anchoring.links.states import ObjectState, diagonal
+from dyknow.anchoring.links.structures import Percept
+from dyknow.anchoring.percepts.leaps import PerceptLeaps
 
 
 def at(t_ms: int, x_m: float, name: str = "a", sd_m: float = 1.0) -> Percept:

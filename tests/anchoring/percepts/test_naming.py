@@ -6,10 +6,10 @@ import pytest
 from hypothesis import given
 from hypothesis import strategies as st
 
-from anchoring.links.states import ObjectState, diagonal
-from anchoring.percepts.naming import DetectionNames
-from anchoring.percepts.reading import PerceptReader
 from dyknow import US_PER_S
+from dyknow.anchoring.links.states import ObjectState, diagonal
+from dyknow.anchoring.percepts.naming import DetectionNames
+from dyknow.anchoring.percepts.reading import PerceptReader
 
 SD_M = 0.3
 

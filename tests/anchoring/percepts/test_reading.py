@@ -10,11 +10,11 @@ import pytest
 from hypothesis import given
 from hypothesis import strategies as st
 
-from anchoring.links.structures import ObjectLinkage
-from anchoring.percepts.reading import PerceptReader, PerceptTick
-from anchoring.ready import VISION, WORLD, ready_specification
+from dyknow.anchoring.links.structures import ObjectLinkage
+from dyknow.anchoring.percepts.reading import PerceptReader, PerceptTick
+from dyknow.anchoring.ready import VISION, WORLD, ready_specification
 from dyknow.model.errors import TextError
-from navigation import LocalFrame
+from dyknow.navigation import LocalFrame
 
 PERCEPT = {
     "t_ms": 100, "percept": "vp1", "type": VISION, "x_m": 1.0, "y_m": 2.0, "sd_m": 0.8, "vx_m_s": 9.0, "vy_m_s": 0.1,

@@ -6,11 +6,11 @@ import pytest
 from hypothesis import given
 from hypothesis import strategies as st
 
-from anchoring.links.states import ObjectState, diagonal
-from anchoring.links.structures import StateRecord
-from anchoring.percepts.records import ObjectRecords, PerceptRecords, object_sort
 from dyknow import NO_VALUE, Sample
-from navigation import LocalFrame
+from dyknow.anchoring.links.states import ObjectState, diagonal
+from dyknow.anchoring.links.structures import StateRecord
+from dyknow.anchoring.percepts.records import ObjectRecords, PerceptRecords, object_sort
+from dyknow.navigation import LocalFrame
 
 THEIRS, OURS = LocalFrame(58.41, 15.62, 0.0), LocalFrame(58.40, 15.60, 0.0)
 SORT = object_sort("car", [], is_placed=True)

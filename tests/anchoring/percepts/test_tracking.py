@@ -3,9 +3,9 @@
 import numpy as np
 import pytest
 
-from anchoring.links.structures import Percept
-from anchoring.percepts.tracking import CONFIRMED, LOST_US, PerceptTracker
-from navigation.cameras.channels import GroundDetection
+from dyknow.anchoring.links.structures import Percept
+from dyknow.anchoring.percepts.tracking import CONFIRMED, LOST_US, PerceptTracker
+from dyknow.navigation.cameras.channels import GroundDetection
 
 STEP_US = 40_000
 

@@ -6,10 +6,10 @@ import pytest
 from hypothesis import given
 from hypothesis import strategies as st
 
-from anchoring.roads.elements import DirectedLink
-from anchoring.roads.files.formats import read_roads
-from anchoring.roads.geometry import wrapped
-from anchoring.roads.network import RoadNetwork
+from dyknow.anchoring.roads.elements import DirectedLink
+from dyknow.anchoring.roads.files.formats import read_roads
+from dyknow.anchoring.roads.geometry import wrapped
+from dyknow.anchoring.roads.network import RoadNetwork
 from tests.anchoring.roads.towns import cross, networks
 
 TOWN = read_roads(cross())

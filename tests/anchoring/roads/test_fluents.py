@@ -4,10 +4,10 @@ import pytest
 from hypothesis import given
 from hypothesis import strategies as st
 
-from anchoring.links.states import ObjectState, diagonal
-from anchoring.roads.files.formats import read_roads
-from anchoring.roads.fluents import ahead_m, attributes_of, place_of
-from anchoring.roads.snapping import RoadPlace, snap
+from dyknow.anchoring.links.states import ObjectState, diagonal
+from dyknow.anchoring.roads.files.formats import read_roads
+from dyknow.anchoring.roads.fluents import ahead_m, attributes_of, place_of
+from dyknow.anchoring.roads.snapping import RoadPlace, snap
 from tests.anchoring.roads.towns import cross
 
 TOWN = read_roads(cross())

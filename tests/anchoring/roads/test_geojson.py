@@ -10,11 +10,11 @@ import pytest
 from hypothesis import given
 from hypothesis import strategies as st
 
-from anchoring.roads.elements import Lane
-from anchoring.roads.files.formats import read_roads
-from anchoring.roads.files.geojson import survey_roads
-from anchoring.roads.files.problems import MOST_PROBLEMS
-from anchoring.roads.network import RoadNetwork
+from dyknow.anchoring.roads.elements import Lane
+from dyknow.anchoring.roads.files.formats import read_roads
+from dyknow.anchoring.roads.files.geojson import survey_roads
+from dyknow.anchoring.roads.files.problems import MOST_PROBLEMS
+from dyknow.anchoring.roads.network import RoadNetwork
 from dyknow.model.errors import RoadsError
 from tests.anchoring.roads.towns import NO_LINE, cross, crossing, feature, grid_text, link, text
 

@@ -2,7 +2,7 @@
 
 from random import Random
 
-from anchoring.roads.names import object_names
+from dyknow.anchoring.roads.names import object_names
 from dyknow.model.members import MAX_NAME, is_object_name, member_name, object_name
 
 

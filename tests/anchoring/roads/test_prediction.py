@@ -10,17 +10,17 @@ import pytest
 from hypothesis import example, given
 from hypothesis import strategies as st
 
-from anchoring.links.individuals import Individual
-from anchoring.links.prediction import ConstantVelocity, ObjectPrediction, Predictor
-from anchoring.links.states import ObjectState, diagonal
-from anchoring.roads.elements import DirectedLink
-from anchoring.roads.files.formats import read_roads
-from anchoring.roads.fluents import NO_CROSSING, NO_LINK, place_of
-from anchoring.roads.hypotheses import Pruning, RouteHypothesis, TurnTable, advance, lane_after, pruned
-from anchoring.roads.network import RoadNetwork
-from anchoring.roads.objects import OnRoad
-from anchoring.roads.prediction import AlongRoads
 from dyknow import US_PER_S
+from dyknow.anchoring.links.individuals import Individual
+from dyknow.anchoring.links.prediction import ConstantVelocity, ObjectPrediction, Predictor
+from dyknow.anchoring.links.states import ObjectState, diagonal
+from dyknow.anchoring.roads.elements import DirectedLink
+from dyknow.anchoring.roads.files.formats import read_roads
+from dyknow.anchoring.roads.fluents import NO_CROSSING, NO_LINK, place_of
+from dyknow.anchoring.roads.hypotheses import Pruning, RouteHypothesis, TurnTable, advance, lane_after, pruned
+from dyknow.anchoring.roads.network import RoadNetwork
+from dyknow.anchoring.roads.objects import OnRoad
+from dyknow.anchoring.roads.prediction import AlongRoads
 from tests.anchoring.roads.towns import cross, crossing, grid, link, networks, text
 
 TOWN = read_roads(cross())

@@ -5,11 +5,11 @@ from itertools import pairwise
 import pytest
 from hypothesis import given
 
-from anchoring.roads.elements import DirectedLink
-from anchoring.roads.files.formats import read_roads
-from anchoring.roads.files.summary import summary_of
-from anchoring.roads.network import RoadNetwork
-from anchoring.roads.routes import BY_TIME, RoadNeeds, RoadRoutes
+from dyknow.anchoring.roads.elements import DirectedLink
+from dyknow.anchoring.roads.files.formats import read_roads
+from dyknow.anchoring.roads.files.summary import summary_of
+from dyknow.anchoring.roads.network import RoadNetwork
+from dyknow.anchoring.roads.routes import BY_TIME, RoadNeeds, RoadRoutes
 from tests.anchoring.roads.towns import crossing, grid, link, networks, text
 
 A, B, C = (crossing(name, *at) for name, at in {"a": (0, 0), "b": (100, 0), "c": (50, 50)}.items())

@@ -7,11 +7,11 @@ import pytest
 from hypothesis import given
 from hypothesis import strategies as st
 
-from anchoring.roads.elements import DirectedLink
-from anchoring.roads.files.formats import read_roads
-from anchoring.roads.geometry import LEAST_M, Polyline, projected
-from anchoring.roads.network import RoadNetwork
-from anchoring.roads.snapping import DEFAULTS, RoadPlace, crossing_at, snap
+from dyknow.anchoring.roads.elements import DirectedLink
+from dyknow.anchoring.roads.files.formats import read_roads
+from dyknow.anchoring.roads.geometry import LEAST_M, Polyline, projected
+from dyknow.anchoring.roads.network import RoadNetwork
+from dyknow.anchoring.roads.snapping import DEFAULTS, RoadPlace, crossing_at, snap
 from tests.anchoring.roads.towns import HEADINGS, POSITIONS, cross, crossing, grid, link, networks, text
 
 TOWN = read_roads(cross())

@@ -4,12 +4,12 @@ import pytest
 from hypothesis import given
 from hypothesis import strategies as st
 
-from anchoring.roads.elements import DirectedLink
-from anchoring.roads.files.formats import read_roads
-from anchoring.roads.routes import RoadRoutes
-from anchoring.roads.snapping import snap
-from anchoring.roads.statistics import LONGEST_GAP_US, LinkTraffic, RoadTraffic
 from dyknow import US_PER_S
+from dyknow.anchoring.roads.elements import DirectedLink
+from dyknow.anchoring.roads.files.formats import read_roads
+from dyknow.anchoring.roads.routes import RoadRoutes
+from dyknow.anchoring.roads.snapping import snap
+from dyknow.anchoring.roads.statistics import LONGEST_GAP_US, LinkTraffic, RoadTraffic
 from tests.anchoring.roads.towns import grid, link, text
 
 STREET = read_roads(text(link("l", None, None, [(0, 0), (1000, 0)], oneway=True)))

@@ -3,8 +3,8 @@
 from hypothesis import given
 from hypothesis import strategies as st
 
-from anchoring.roads.files.formats import read_roads
-from anchoring.roads.files.summary import summary_of
+from dyknow.anchoring.roads.files.formats import read_roads
+from dyknow.anchoring.roads.files.summary import summary_of
 from tests.anchoring.roads.towns import cross, crossing, link, text
 
 

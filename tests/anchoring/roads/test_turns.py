@@ -6,10 +6,10 @@ import pytest
 from hypothesis import assume, given
 from hypothesis import strategies as st
 
-from anchoring.roads.elements import DirectedLink
-from anchoring.roads.files.formats import read_roads
-from anchoring.roads.network import RoadNetwork
-from anchoring.roads.turns import LEFT, RIGHT, STRAIGHT, TURNS, UTURN
+from dyknow.anchoring.roads.elements import DirectedLink
+from dyknow.anchoring.roads.files.formats import read_roads
+from dyknow.anchoring.roads.network import RoadNetwork
+from dyknow.anchoring.roads.turns import LEFT, RIGHT, STRAIGHT, TURNS, UTURN
 from tests.anchoring.roads.towns import cross, crossing, link, networks, text
 
 TOWN = read_roads(cross())

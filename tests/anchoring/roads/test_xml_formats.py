@@ -6,12 +6,12 @@ import pytest
 from hypothesis import given
 from hypothesis import strategies as st
 
-from anchoring.roads.elements import DirectedLink, Lane
-from anchoring.roads.files import geojson, xml_elements
-from anchoring.roads.files.formats import GEOJSON, OPENSTREETMAP, SUMO, format_of, survey_any
-from anchoring.roads.files.openstreetmap import JOINT_M, survey_openstreetmap
-from anchoring.roads.files.sumo import survey_sumo
-from anchoring.roads.network import RoadNetwork
+from dyknow.anchoring.roads.elements import DirectedLink, Lane
+from dyknow.anchoring.roads.files import geojson, xml_elements
+from dyknow.anchoring.roads.files.formats import GEOJSON, OPENSTREETMAP, SUMO, format_of, survey_any
+from dyknow.anchoring.roads.files.openstreetmap import JOINT_M, survey_openstreetmap
+from dyknow.anchoring.roads.files.sumo import survey_sumo
+from dyknow.anchoring.roads.network import RoadNetwork
 from tests.anchoring.roads.towns import cross
 
 NODES = {

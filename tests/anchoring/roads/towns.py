@@ -7,8 +7,8 @@ from typing import Any
 
 from hypothesis import strategies as st
 
-from anchoring.roads.files.formats import read_roads
-from anchoring.roads.network import RoadNetwork
+from dyknow.anchoring.roads.files.formats import read_roads
+from dyknow.anchoring.roads.network import RoadNetwork
 
 
 def crossing(name: str, x_m: float, y_m: float, radius_m: float = 8.0) -> dict[str, Any]:

@@ -7,9 +7,9 @@ import pytest
 from hypothesis import given
 from hypothesis import strategies as st
 
-from anchoring.saliency.entries import MOST_ENTRIES, PersonEntry
-from anchoring.saliency.map import SaliencyMap
-from anchoring.saliency.watching import PersonLook, PersonSearch
+from dyknow.anchoring.saliency.entries import MOST_ENTRIES, PersonEntry
+from dyknow.anchoring.saliency.map import SaliencyMap
+from dyknow.anchoring.saliency.watching import PersonLook, PersonSearch
 
 NOW_US = 1_700_000_000_000_000
 SOUND = PersonEntry(

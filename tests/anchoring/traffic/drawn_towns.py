@@ -12,8 +12,8 @@ from typing import Final, NamedTuple, TypeAlias
 import networkx as nx
 import numpy as np
 
-from anchoring.roads.geometry import Polyline, wrapped
-from navigation.geodesy import LocalFrame
+from dyknow.anchoring.roads.geometry import Polyline, wrapped
+from dyknow.navigation.geodesy import LocalFrame
 
 Point: TypeAlias = tuple[float, float]
 Way: TypeAlias = tuple[int, int]

@@ -9,9 +9,9 @@ from pathlib import Path
 import numpy as np
 import pytest
 
-from anchoring.roads.files.formats import GEOJSON, OPENSTREETMAP, SUMO, format_of, read_roads
-from anchoring.roads.files.summary import summary_of
-from anchoring.roads.network import RoadNetwork
+from dyknow.anchoring.roads.files.formats import GEOJSON, OPENSTREETMAP, SUMO, format_of, read_roads
+from dyknow.anchoring.roads.files.summary import summary_of
+from dyknow.anchoring.roads.network import RoadNetwork
 from tests.anchoring.traffic.drawn_towns import ORIGIN, SUMO_SHIFT, Point, Town, Turn
 from tests.command import run
 from tests.docs.pages import ROOT, environment
@@ -22,8 +22,8 @@ CARS, SECONDS = 5, 60.0
 IN = {"left": "turn_left_in", "right": "turn_right_in", "straight": "straight_through", "back": "turn_back_in"}
 UNITS = """
 from pathlib import Path
-from anchoring.roads.files.formats import read_roads
-from anchoring.traffic.units import road_units
+from dyknow.anchoring.roads.files.formats import read_roads
+from dyknow.anchoring.traffic.units import road_units
 UNITS = road_units(read_roads((Path(__file__).parent / "map").read_bytes()))
 """
 

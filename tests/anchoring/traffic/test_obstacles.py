@@ -6,10 +6,10 @@ import pytest
 from hypothesis import given
 from hypothesis import strategies as st
 
-from anchoring.roads.files.formats import read_roads
-from anchoring.roads.snapping import snap
-from anchoring.traffic.obstacles import BESIDE_M, OVER_US, LaneObstacle, SlowVehicles, narrowest
 from dyknow import US_PER_S
+from dyknow.anchoring.roads.files.formats import read_roads
+from dyknow.anchoring.roads.snapping import snap
+from dyknow.anchoring.traffic.obstacles import BESIDE_M, OVER_US, LaneObstacle, SlowVehicles, narrowest
 from tests.anchoring.roads.towns import crossing, link, text
 
 ROADS = read_roads(

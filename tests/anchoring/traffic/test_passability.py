@@ -2,10 +2,10 @@
 
 import pytest
 
-from anchoring.roads.elements import DirectedLink
-from anchoring.roads.files.formats import read_roads
-from anchoring.traffic.obstacles import LaneObstacle, narrowest
-from anchoring.traffic.passability import Passability, WantedRoute
+from dyknow.anchoring.roads.elements import DirectedLink
+from dyknow.anchoring.roads.files.formats import read_roads
+from dyknow.anchoring.traffic.obstacles import LaneObstacle, narrowest
+from dyknow.anchoring.traffic.passability import Passability, WantedRoute
 from tests.anchoring.roads.towns import crossing, link, text
 
 A, B, C = (crossing(name, *at) for name, at in {"a": (0, 0), "b": (200, 0), "c": (100, 100)}.items())

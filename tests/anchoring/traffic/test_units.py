@@ -5,10 +5,10 @@ import math
 
 import pytest
 
-from anchoring.roads.network import RoadNetwork
-from anchoring.traffic.units import road_units
-from compunits.registry import Catalogue, library
 from dyknow import NO_VALUE, US_PER_S
+from dyknow.anchoring.roads.network import RoadNetwork
+from dyknow.anchoring.traffic.units import road_units
+from dyknow.compunits.registry import Catalogue, library
 from dyknow.model.members import MAX_MEMBERS
 from tests.anchoring.roads.towns import crossing, link, read_roads, text
 from tests.kpl.instances import Running

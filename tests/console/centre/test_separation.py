@@ -2,8 +2,8 @@ import pytest
 from hypothesis import given
 from hypothesis import strategies as st
 
-from console.centre.separation import ALTITUDE, POSITION, Separation
-from navigation.geodesy import LocalFrame
+from dyknow.console.centre.separation import ALTITUDE, POSITION, Separation
+from dyknow.navigation.geodesy import LocalFrame
 
 FRAME = LocalFrame(55.7, 13.5, 0.0)
 OFFSETS = st.floats(min_value=-500, max_value=500)

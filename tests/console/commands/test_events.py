@@ -5,18 +5,18 @@ from typing import Any
 
 import pytest
 
-from agents.effects import Fed
-from agents.specification.specification_part import SpecificationPart
-from anchoring.links.states import ObjectState, diagonal
-from anchoring.links.structures import ObjectLinkage, Percept
-from anchoring.ready import VISION, ready_specification
-from console.command import Call
-from console.commands.objects import events as command
-from console.errors import DONE, NO
-from console.output.output import Output
 from dyknow import Label, Sort
+from dyknow.agents.effects import Fed
+from dyknow.agents.specification.specification_part import SpecificationPart
+from dyknow.anchoring.links.states import ObjectState, diagonal
+from dyknow.anchoring.links.structures import ObjectLinkage, Percept
+from dyknow.anchoring.ready import VISION, ready_specification
+from dyknow.console.command import Call
+from dyknow.console.commands.objects import events as command
+from dyknow.console.errors import DONE, NO
+from dyknow.console.output.output import Output
 from dyknow.network.processes import OnDemand
-from runtime.client import Client
+from dyknow.runtime.client import Client
 from tests.box import Box
 
 Lines = Callable[[], list[dict[str, Any]]]
@@ -104,7 +104,7 @@ def test_recognised_chronicles_are_events_of_their_objects(
         'chronicle file "paint.chr" with max delay 100\n'
     )
     chronicle = "chronicle painted[?c] { event(cars.colour[?c]:(red, blue), t1) event(cars.colour[?c]:(blue, white), t2) t1 < t2 }\n"
-    from agents.effects import Specify
+    from dyknow.agents.effects import Specify
 
     world._reach(world.nodes["0"], Specify(world.now_us, text, "a.kpl", (("paint.chr", chronicle),)))
     for colour in ("red", "blue", "white"):

@@ -5,12 +5,12 @@ from typing import Any
 
 import pytest
 
-from agents.effects import Fed
-from console.command import Call
-from console.commands.objects import objects as command
-from console.errors import DONE, NO
-from console.output.output import Output
-from runtime.client import Client
+from dyknow.agents.effects import Fed
+from dyknow.console.command import Call
+from dyknow.console.commands.objects import objects as command
+from dyknow.console.errors import DONE, NO
+from dyknow.console.output.output import Output
+from dyknow.runtime.client import Client
 from tests.box import Box
 
 Lines = Callable[[], list[dict[str, Any]]]

@@ -3,13 +3,13 @@
 from pathlib import Path
 from xml.etree import ElementTree as ET
 
-from anchoring.matching.candidates import ObservedProperty
-from anchoring.matching.descriptions import AllowedValues, ObjectDescription
-from anchoring.matching.files import read_matching
-from anchoring.matching.situations import MatchingOptions, classify
-from console.output.drawings import plan_svg, situation_svg
-from planning.contingent.files import read_recovery
-from planning.contingent.recovery_planning import RecoveryPlan, plan_recovery
+from dyknow.anchoring.matching.candidates import ObservedProperty
+from dyknow.anchoring.matching.descriptions import AllowedValues, ObjectDescription
+from dyknow.anchoring.matching.files import read_matching
+from dyknow.anchoring.matching.situations import MatchingOptions, classify
+from dyknow.console.output.drawings import plan_svg, situation_svg
+from dyknow.planning.contingent.files import read_recovery
+from dyknow.planning.contingent.recovery_planning import RecoveryPlan, plan_recovery
 
 ROOT = Path(__file__).parents[3]
 

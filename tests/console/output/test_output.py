@@ -2,9 +2,9 @@
 
 import pytest
 
-from console.output.output import Output, unit_json
-from console.output.shown import printable, styled
 from dyknow import NO_VALUE
+from dyknow.console.output.output import Output, unit_json
+from dyknow.console.output.shown import printable, styled
 
 
 def test_brackets_in_what_others_say_are_shown(capsys: pytest.CaptureFixture[str]) -> None:

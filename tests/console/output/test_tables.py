@@ -9,16 +9,16 @@ from hypothesis import given
 from hypothesis import strategies as st
 from rich.console import Console
 
-from console.centre import client
-from console.command import Call
-from console.commands.members.acts import acts
-from console.commands.members.delegate import delegate, tasks
-from console.commands.members.ls import ls
-from console.commands.members.monitors import monitors
-from console.errors import DONE
-from console.output.output import Output
-from console.output.tables import LONG, Column, print_table
-from runtime.configuration.settings import Settings
+from dyknow.console.centre import client
+from dyknow.console.command import Call
+from dyknow.console.commands.members.acts import acts
+from dyknow.console.commands.members.delegate import delegate, tasks
+from dyknow.console.commands.members.ls import ls
+from dyknow.console.commands.members.monitors import monitors
+from dyknow.console.errors import DONE
+from dyknow.console.output.output import Output
+from dyknow.console.output.tables import LONG, Column, print_table
+from dyknow.runtime.configuration.settings import Settings
 from tests.box import Box
 
 WORD = st.text("abcdefgh-", min_size=1, max_size=LONG)

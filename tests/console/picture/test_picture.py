@@ -7,13 +7,13 @@ from typing import Any
 from hypothesis import given
 from hypothesis import strategies as st
 
-from console.picture.differences import Sections, difference
-from console.picture.measures import close_pairs
-from console.picture.picture import MOST_OTHERS, SECTIONS, Picture
-from console.web.feeds import RecordedFeed, RecordingViewer
-from runtime.recordings import foxglove
-from runtime.recordings import recording_file as kinds
-from runtime.recordings.recorded import FederationRecording
+from dyknow.console.picture.differences import Sections, difference
+from dyknow.console.picture.measures import close_pairs
+from dyknow.console.picture.picture import MOST_OTHERS, SECTIONS, Picture
+from dyknow.console.web.feeds import RecordedFeed, RecordingViewer
+from dyknow.runtime.recordings import foxglove
+from dyknow.runtime.recordings import recording_file as kinds
+from dyknow.runtime.recordings.recorded import FederationRecording
 
 RECORDING = Path(__file__).parents[3] / "examples/recordings/encounter.mcap"
 KINDS = [

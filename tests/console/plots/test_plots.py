@@ -8,13 +8,13 @@ from typing import Any
 
 import pytest
 
-from console.command import Call
-from console.commands.recordings.plot import plot
-from console.commands.texts.check import check
-from console.errors import DONE, NO
-from console.output.output import Output
+from dyknow.console.command import Call
+from dyknow.console.commands.recordings.plot import plot
+from dyknow.console.commands.texts.check import check
+from dyknow.console.errors import DONE, NO
+from dyknow.console.output.output import Output
 from dyknow.model.errors import NothingFound, WrongCall
-from runtime.configuration.settings import Settings
+from dyknow.runtime.configuration.settings import Settings
 from tests.box import Box
 from tests.console.commands.recordings.encounter import EXAMPLE
 from tests.console.conftest import Lines
@@ -68,7 +68,7 @@ def test_what_is_violated_is_seen_in_the_picture(call: Call, tmp_path: Path) -> 
 def test_where_there_are_no_verdicts_since_the_trace_is_too_long_that_is_written(
     call: Call, tmp_path: Path, monkeypatch: pytest.MonkeyPatch
 ) -> None:
-    monkeypatch.setattr("console.plots.traces.MOST_STEPS", 5)
+    monkeypatch.setattr("dyknow.console.plots.traces.MOST_STEPS", 5)
     check(call, "always speed[uav1] <= 15", trace=TRACE, plot=tmp_path / "a.svg")
     assert "no verdicts from here" in words(tmp_path / "a.svg")
 
@@ -84,7 +84,7 @@ def test_what_running_platforms_hold_is_drawn(world: Box, call: Call, lines: Lin
 
 
 def test_words_of_others_are_text_in_a_picture(call: Call, tmp_path: Path) -> None:
-    from console.plots.plot import Curve, Plot, PlotPanel, draw
+    from dyknow.console.plots.plot import Curve, Plot, PlotPanel, draw
 
     evil = "$\\frac{1}{$ <script>\x1b[2J\u202e&amp;"
     drawn = Plot(evil, [PlotPanel(evil, [Curve(evil, [0, 1_000_000], [1.0, None]), Curve("x" * 5000, [0], [2.0])])])

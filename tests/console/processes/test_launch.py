@@ -5,16 +5,16 @@ from typing import Any
 
 import pytest
 
-from agents.capabilities.flight.options import AvoidanceOptions, FlightOptions
-from console.command import Call
-from console.commands.fleet.up import planned
-from console.output.output import Output
-from console.processes.launch import FleetPlan, fleet_of, journal_of, together
+from dyknow.agents.capabilities.flight.options import AvoidanceOptions, FlightOptions
+from dyknow.console.command import Call
+from dyknow.console.commands.fleet.up import planned
+from dyknow.console.output.output import Output
+from dyknow.console.processes.launch import FleetPlan, fleet_of, journal_of, together
 from dyknow.model.errors import WrongCall
-from runtime.configuration.config import MavlinkVehicle, ReplayedVehicle, SimulatedVehicleConfig
-from runtime.configuration.local_endpoints import free_ports
-from runtime.configuration.reach import wire_of
-from runtime.configuration.settings import Settings, UnitFile, load
+from dyknow.runtime.configuration.config import MavlinkVehicle, ReplayedVehicle, SimulatedVehicleConfig
+from dyknow.runtime.configuration.local_endpoints import free_ports
+from dyknow.runtime.configuration.reach import wire_of
+from dyknow.runtime.configuration.settings import Settings, UnitFile, load
 from tests.navigation.terrain.ground import tile_bytes
 from tests.proxies import logs
 

@@ -2,13 +2,13 @@
 
 import pytest
 
-from console.command import Call
-from console.output.output import Output
-from console.processes.launch import FleetPlan, fleet_of
-from console.processes.scheduled import with_faults
+from dyknow.console.command import Call
+from dyknow.console.output.output import Output
+from dyknow.console.processes.launch import FleetPlan, fleet_of
+from dyknow.console.processes.scheduled import with_faults
 from dyknow.model.errors import WrongCall
-from runtime.configuration.config import NodeConfig, SimulatedVehicleConfig
-from runtime.configuration.settings import Settings
+from dyknow.runtime.configuration.config import NodeConfig, SimulatedVehicleConfig
+from dyknow.runtime.configuration.settings import Settings
 
 
 def configs() -> list[NodeConfig]:

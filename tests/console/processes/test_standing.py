@@ -6,14 +6,21 @@ from pathlib import Path
 import psutil
 import pytest
 
-from console.command import Call
-from console.output.output import Output
-from console.processes.launch import FleetPlan, fleet_of
-from console.processes.standing import forget, missing, note_state, running_units
-from console.processes.supervision import Fleet
-from runtime.configuration.config import NodeConfig
-from runtime.configuration.run_directory import JOINED, ProcessState, Running, noted_state, read_state, write_state
-from runtime.configuration.settings import Settings
+from dyknow.console.command import Call
+from dyknow.console.output.output import Output
+from dyknow.console.processes.launch import FleetPlan, fleet_of
+from dyknow.console.processes.standing import forget, missing, note_state, running_units
+from dyknow.console.processes.supervision import Fleet
+from dyknow.runtime.configuration.config import NodeConfig
+from dyknow.runtime.configuration.run_directory import (
+    JOINED,
+    ProcessState,
+    Running,
+    noted_state,
+    read_state,
+    write_state,
+)
+from dyknow.runtime.configuration.settings import Settings
 
 NOW_US = 1_700_000_000_000_000
 ALIVE = Running("", os.getpid(), psutil.Process().create_time())

@@ -10,11 +10,11 @@ from pathlib import Path
 import psutil
 import pytest
 
-from console.processes.supervision import Fleet, end
+from dyknow.console.processes.supervision import Fleet, end
 from dyknow.model.errors import FederationFailed, WrongCall
-from runtime.configuration.config import NodeConfig
-from runtime.configuration.run_directory import ProcessState, Running, read_state, run_directory, write_state
-from runtime.records import Records
+from dyknow.runtime.configuration.config import NodeConfig
+from dyknow.runtime.configuration.run_directory import ProcessState, Running, read_state, run_directory, write_state
+from dyknow.runtime.records import Records
 
 SPEAKS = """
 import json, sys, time

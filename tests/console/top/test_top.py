@@ -10,14 +10,14 @@ from typing import Any
 
 import pytest
 
-from console.command import Call
-from console.output.output import Output
-from console.top.gathered import TABLES, Gatherer, Row, TopSnapshot
-from console.top.top import top
+from dyknow.console.command import Call
+from dyknow.console.output.output import Output
+from dyknow.console.top.gathered import TABLES, Gatherer, Row, TopSnapshot
+from dyknow.console.top.top import top
+from dyknow.federation.messages.contents import ActLog, Alarm
 from dyknow.model.errors import WrongCall
-from federation.messages.contents import ActLog, Alarm
-from runtime.client import Client, command_centre
-from runtime.configuration.settings import Settings
+from dyknow.runtime.client import Client, command_centre
+from dyknow.runtime.configuration.settings import Settings
 from tests.box import Box
 from tests.console.commands.recordings.encounter import encounter
 
@@ -25,7 +25,7 @@ pytest.importorskip("textual")
 
 from textual.widgets import DataTable
 
-from console.top.screen import TopApp
+from dyknow.console.top.screen import TopApp
 
 EVIL = "[red]\x1b]0;owned\x07[/red]\u202e[link=file:///etc]"
 
@@ -211,6 +211,6 @@ def test_what_platforms_say_of_others_is_not_shown_and_what_is_kept_is_bounded(w
 def test_without_textual_the_extra_is_named_and_there_is_no_json(call: Call, monkeypatch: pytest.MonkeyPatch) -> None:
     with pytest.raises(WrongCall, match="ls, imports"):
         top(call)
-    monkeypatch.setitem(sys.modules, "console.top.screen", None)
+    monkeypatch.setitem(sys.modules, "dyknow.console.top.screen", None)
     with pytest.raises(WrongCall, match=r"dyknow-federation\[top\]"):
         top(Call(Settings(), Output(json_lines=False)))

@@ -9,13 +9,13 @@ from collections.abc import Mapping
 from pathlib import Path
 from typing import Any, Final
 
-from console.picture.picture import Picture
-from console.web.feeds import RecordedFeed, RecordingViewer
-from console.web.views import LiveFeed
-from navigation.geodesy import metres_per_degree
-from runtime.recordings import foxglove
-from runtime.recordings import recording_file as kinds
-from runtime.recordings.recorded import FederationRecording
+from dyknow.console.picture.picture import Picture
+from dyknow.console.web.feeds import RecordedFeed, RecordingViewer
+from dyknow.console.web.views import LiveFeed
+from dyknow.navigation.geodesy import metres_per_degree
+from dyknow.runtime.recordings import foxglove
+from dyknow.runtime.recordings import recording_file as kinds
+from dyknow.runtime.recordings.recorded import FederationRecording
 
 ORIGIN: Final = (58.4945, 15.1020)
 FIGURES: Final = Path(__file__).parents[3] / "docs" / "figures"

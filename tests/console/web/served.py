@@ -12,8 +12,8 @@ from typing import Any, NamedTuple
 
 import pytest
 
-from console.web.access import Access
-from console.web.views import Viewer
+from dyknow.console.web.access import Access
+from dyknow.console.web.views import Viewer
 
 CHROMIUM, DRIVER = shutil.which("chromium"), shutil.which("chromedriver")
 FLAGS = (
@@ -78,8 +78,8 @@ def serving(view: Callable[[], Viewer], *, is_read_only: bool = False, tiles: Pa
     """A server of a view, on a free port."""
     import uvicorn
 
-    from console.web.connections import uvicorn_settings
-    from console.web.server import PageServer
+    from dyknow.console.web.connections import uvicorn_settings
+    from dyknow.console.web.server import PageServer
 
     done: list[Mapping[str, Any]] = []
 

@@ -12,9 +12,9 @@ import pytest
 pytest.importorskip("starlette")
 pytest.importorskip("uvicorn")
 
-from console.picture.picture import Picture
-from console.web.access import Access, Demand
-from console.web.views import LiveFeed
+from dyknow.console.picture.picture import Picture
+from dyknow.console.web.access import Access, Demand
+from dyknow.console.web.views import LiveFeed
 from tests.console.web.served import Served, serving
 
 HOLD = {"do": "delegate", "task": "hold", "to": "0", "with": {}}

@@ -12,8 +12,8 @@ import pytest
 pytest.importorskip("selenium")
 pytest.importorskip("uvicorn")
 
-from runtime.recordings import foxglove
-from runtime.recordings import recording_file as kinds
+from dyknow.runtime.recordings import foxglove
+from dyknow.runtime.recordings import recording_file as kinds
 from tests.console.web.scene import Scene, intents, wait_for
 from tests.console.web.served import Served, browsing, needs_chromium, serving
 

@@ -11,7 +11,7 @@ import pytest
 pytest.importorskip("selenium")
 pytest.importorskip("uvicorn")
 
-from console.web.access import PAGE
+from dyknow.console.web.access import PAGE
 from tests.console.web.scene import Scene, wait_for
 from tests.console.web.served import browsing, needs_chromium, serving
 

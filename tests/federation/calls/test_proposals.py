@@ -1,8 +1,8 @@
 from hypothesis import given
 from hypothesis import strategies as st
 
-from federation.calls.proposals import Proposal, WantedStream, best
-from federation.members.directory import unit_order
+from dyknow.federation.calls.proposals import Proposal, WantedStream, best
+from dyknow.federation.members.directory import unit_order
 
 UNITS = st.lists(st.sampled_from(["0", "1", "2", "10", "a", "uav-b"]), unique=True)
 PERIODS = st.sampled_from([50_000, 100_000, 200_000, 300_000])

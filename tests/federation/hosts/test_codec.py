@@ -7,10 +7,8 @@ from hypothesis import given
 from hypothesis import strategies as st
 
 from dyknow import NO_VALUE, SURE, Predicted, Quality, Sample
-from dyknow.model.errors import ContentError, DecodeError
-from dyknow.policies.sampling import Grid
-from federation.hosts.codec import decode_from_host, decode_from_platform, encode, pack_sample
-from federation.hosts.messages import (
+from dyknow.federation.hosts.codec import decode_from_host, decode_from_platform, encode, pack_sample
+from dyknow.federation.hosts.messages import (
     KEPT,
     KEPT_BYTES,
     SAMPLES_BYTES,
@@ -32,7 +30,9 @@ from federation.hosts.messages import (
     Want,
     Welcome,
 )
-from federation.messages.unpacking import MAX_BYTES, VERSION
+from dyknow.federation.messages.unpacking import MAX_BYTES, VERSION
+from dyknow.model.errors import ContentError, DecodeError
+from dyknow.policies.sampling import Grid
 from tests.federation.mutants import NASTY
 from tests.federation.mutants import encode as packed
 

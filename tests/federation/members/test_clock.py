@@ -7,10 +7,10 @@ import pytest
 from hypothesis import given
 from hypothesis import strategies as st
 
+from dyknow.federation.members.clock import PERIOD_US, TOGETHER_US, FederationClock, Offset, OffsetEstimator, Standing
+from dyknow.federation.members.offsets import SETTLE_US, ClockOffsets
+from dyknow.federation.transport import Answer, Answered, Ask, Asked, AskEnded
 from dyknow.model.errors import PolicyError
-from federation.members.clock import PERIOD_US, TOGETHER_US, FederationClock, Offset, OffsetEstimator, Standing
-from federation.members.offsets import SETTLE_US, ClockOffsets
-from federation.transport import Answer, Answered, Ask, Asked, AskEnded
 
 SPEEDS = st.sampled_from([0.1, 0.5, 1.0, 2.0, 3.0, 10.0, 1 / 3]) | st.floats(0.01, 1000)
 INSTANTS = st.integers(-(10**16), 10**16)

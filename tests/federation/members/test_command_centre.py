@@ -3,16 +3,16 @@
 from hypothesis import given, settings
 from hypothesis import strategies as st
 
-from federation import keys
-from federation.members.clock import FederationClock
-from federation.members.command_centre import CommandCentre
-from federation.members.directory import DirectoryFacilitator
-from federation.messages.acts import Act, AgentName, Performative
-from federation.messages.codec import decode_act, encode_act, encode_description
-from federation.messages.contents import Hold, Query, Specification, SpecificationText, Tasks
-from federation.messages.receipts import RECEIPT_AGENT
-from federation.security.trust import Roster, RosterMember, Signer, Trust
-from federation.transport import Arrived, Put
+from dyknow.federation import keys
+from dyknow.federation.members.clock import FederationClock
+from dyknow.federation.members.command_centre import CommandCentre
+from dyknow.federation.members.directory import DirectoryFacilitator
+from dyknow.federation.messages.acts import Act, AgentName, Performative
+from dyknow.federation.messages.codec import decode_act, encode_act, encode_description
+from dyknow.federation.messages.contents import Hold, Query, Specification, SpecificationText, Tasks
+from dyknow.federation.messages.receipts import RECEIPT_AGENT
+from dyknow.federation.security.trust import Roster, RosterMember, Signer, Trust
+from dyknow.federation.transport import Arrived, Put
 from tests.strategies import examples
 
 NOW_US = 1_800_000_000_000_000

@@ -1,7 +1,7 @@
 from hypothesis import given
 from hypothesis import strategies as st
 
-from federation.members.deadlines import Deadlines
+from dyknow.federation.members.deadlines import Deadlines
 
 
 @given(st.lists(st.tuples(st.sampled_from("abcde"), st.none() | st.integers(0, 50)), max_size=60), st.integers(0, 60))

@@ -5,8 +5,8 @@ from itertools import pairwise, product
 
 import pytest
 
-from federation.members.deafness import DeafnessWatchdog
-from federation.members.liveness import Peer
+from dyknow.federation.members.deafness import DeafnessWatchdog
+from dyknow.federation.members.liveness import Peer
 from tests.federation.directories import Directories, three
 
 US = 1_000_000

@@ -6,10 +6,10 @@ from itertools import pairwise, permutations
 from hypothesis import given, settings
 from hypothesis import strategies as st
 
-from federation import keys
-from federation.members.clock import FederationClock
-from federation.members.directory import LEAVING, DirectoryFacilitator, unit_order
-from federation.members.liveness import (
+from dyknow.federation import keys
+from dyknow.federation.members.clock import FederationClock
+from dyknow.federation.members.directory import LEAVING, DirectoryFacilitator, unit_order
+from dyknow.federation.members.liveness import (
     NameConflict,
     PeerState,
     PlatformAppeared,
@@ -17,13 +17,13 @@ from federation.members.liveness import (
     PlatformReturned,
     PlatformSuspected,
 )
-from federation.members.member import Member
-from federation.members.offers import LabelAppeared, LabelGone, ServiceAppeared, ServiceGone, Visibility
-from federation.members.replicas import UNASKED_US, PlatformRefused
-from federation.messages.codec import Heartbeat, decode_description, decode_heartbeat
-from federation.messages.descriptions import ConditionEntry
-from federation.transport import Answer, Answered, Ask, Asked, DeclareToken, Put, UndeclareToken
-from sim_uavs.world.sessions import SessionLink
+from dyknow.federation.members.member import Member
+from dyknow.federation.members.offers import LabelAppeared, LabelGone, ServiceAppeared, ServiceGone, Visibility
+from dyknow.federation.members.replicas import UNASKED_US, PlatformRefused
+from dyknow.federation.messages.codec import Heartbeat, decode_description, decode_heartbeat
+from dyknow.federation.messages.descriptions import ConditionEntry
+from dyknow.federation.transport import Answer, Answered, Ask, Asked, DeclareToken, Put, UndeclareToken
+from dyknow.sim_uavs.world.sessions import SessionLink
 from tests.federation.directories import ALARMS, ALTITUDE, FEDERATION, POSITION, Directories, three
 
 US = 1_000_000

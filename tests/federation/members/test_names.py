@@ -4,11 +4,11 @@ from random import Random
 
 import pytest
 
-from federation.keys import heartbeat, token_platform
-from federation.members.liveness import NAMES, PLATFORMS
-from federation.messages.codec import Heartbeat, encode_heartbeat
-from federation.messages.descriptions import LabelEntry
-from federation.transport import DeclareToken
+from dyknow.federation.keys import heartbeat, token_platform
+from dyknow.federation.members.liveness import NAMES, PLATFORMS
+from dyknow.federation.messages.codec import Heartbeat, encode_heartbeat
+from dyknow.federation.messages.descriptions import LabelEntry
+from dyknow.federation.transport import DeclareToken
 from tests.agents.rosters import trust
 from tests.box import Box, Vehicle
 from tests.federation.directories import FEDERATION, Directories

@@ -4,9 +4,9 @@ from random import Random
 
 import pytest
 
-from federation import keys
-from federation.messages.codec import Heartbeat, encode_heartbeat
-from federation.transport import DeclareToken, Put, Reopen, UndeclareToken, Urgency
+from dyknow.federation import keys
+from dyknow.federation.messages.codec import Heartbeat, encode_heartbeat
+from dyknow.federation.transport import DeclareToken, Put, Reopen, UndeclareToken, Urgency
 from tests.federation.directories import Directories
 
 LIAR = "9"

@@ -4,11 +4,11 @@ from random import Random
 
 import pytest
 
-from federation.messages.contents import Hold
-from federation.messages.receipts import Receipt, encode_receipt, encode_signed, receipt_key
-from federation.security.trust import Signer
-from federation.transport import Put, Urgency
-from navigation.vehicle import HoldOrder
+from dyknow.federation.messages.contents import Hold
+from dyknow.federation.messages.receipts import Receipt, encode_receipt, encode_signed, receipt_key
+from dyknow.federation.security.trust import Signer
+from dyknow.federation.transport import Put, Urgency
+from dyknow.navigation.vehicle import HoldOrder
 from tests.agents.rosters import trust
 from tests.box import Box, Vehicle
 

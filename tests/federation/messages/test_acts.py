@@ -1,10 +1,10 @@
 import pytest
 from hypothesis import given
 
+from dyknow.federation import keys
+from dyknow.federation.messages.acts import Act, AgentName, Performative, parse_act, print_act
+from dyknow.federation.messages.sexpr import Expr
 from dyknow.model.errors import NameRefused, TextError
-from federation import keys
-from federation.messages.acts import Act, AgentName, Performative, parse_act, print_act
-from federation.messages.sexpr import Expr
 from tests.federation import schema
 from tests.federation.strategies import ACTS
 

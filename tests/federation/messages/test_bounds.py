@@ -7,11 +7,11 @@ import pytest
 from pydantic import BaseModel, TypeAdapter, ValidationError
 from pydantic.fields import FieldInfo
 
+from dyknow.federation.messages import contents, descriptions
+from dyknow.federation.messages.contents import parts
+from dyknow.federation.messages.sexpr import Expr
 from dyknow.model.errors import ContentError
 from dyknow.model.values import NoValue
-from federation.messages import contents, descriptions
-from federation.messages.contents import parts
-from federation.messages.sexpr import Expr
 from tests.federation.expressions import parse_expr
 
 MOST_CHARACTERS, MOST_ITEMS, LARGEST, LARGEST_WHOLE = 32_768, 512, 1e30, 2**63 - 1

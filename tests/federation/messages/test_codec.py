@@ -2,14 +2,14 @@ import pytest
 from hypothesis import given
 from hypothesis import strategies as st
 
+from dyknow.federation.messages import codec
+from dyknow.federation.messages.acts import Act, AgentName, Performative
+from dyknow.federation.messages.codec import Heartbeat, Ping, Pong, Range, Recovered, StreamSample
+from dyknow.federation.messages.descriptions import Description, LabelEntry, ServiceEntry
+from dyknow.federation.messages.sexpr import MAX_DEPTH, Expr, QuotedText
 from dyknow.model.errors import ContentError, DecodeError
 from dyknow.model.sample import MAX_BRANCH, SURE, Predicted, Quality
 from dyknow.model.values import NO_VALUE
-from federation.messages import codec
-from federation.messages.acts import Act, AgentName, Performative
-from federation.messages.codec import Heartbeat, Ping, Pong, Range, Recovered, StreamSample
-from federation.messages.descriptions import Description, LabelEntry, ServiceEntry
-from federation.messages.sexpr import MAX_DEPTH, Expr, QuotedText
 from tests.federation import schema
 from tests.federation.mutants import encode
 from tests.federation.strategies import ACTS, COUNTS, INSTANTS

@@ -2,11 +2,9 @@ import pytest
 from hypothesis import given
 from hypothesis import strategies as st
 
-from dyknow.model.errors import ContentError
-from dyknow.model.values import NO_VALUE
-from federation.messages import codec, contents
-from federation.messages.acts import Act, AgentName, Performative
-from federation.messages.contents import (
+from dyknow.federation.messages import codec, contents
+from dyknow.federation.messages.acts import Act, AgentName, Performative
+from dyknow.federation.messages.contents import (
     Alarm,
     CreateMulticast,
     Query,
@@ -17,7 +15,9 @@ from federation.messages.contents import (
     TaskList,
     parts,
 )
-from federation.messages.sexpr import Expr
+from dyknow.federation.messages.sexpr import Expr
+from dyknow.model.errors import ContentError
+from dyknow.model.values import NO_VALUE
 from tests.federation.expressions import parse_expr
 from tests.federation.strategies import EXPRESSIONS
 

@@ -10,16 +10,16 @@ import pytest
 from hypothesis import given, settings
 from hypothesis import strategies as st
 
+from dyknow.federation import keys
+from dyknow.federation.messages.acts import Act, AgentName, Performative
+from dyknow.federation.messages.codec import decode_act
+from dyknow.federation.messages.conversations import OPEN_PER_PEER, REPLY_BY_US, RESULT_WITHIN_US, Conversations
+from dyknow.federation.messages.delivery import OF_ONE, UNACKNOWLEDGED, WINDOW, SeenActs
+from dyknow.federation.messages.protocols import Incoming, PeerLost, Phase, Reply, TimedOut, Undelivered
+from dyknow.federation.messages.receipts import Receipt, decode_receipt, encode_receipt
+from dyknow.federation.messages.sexpr import Expr
+from dyknow.federation.transport import Put
 from dyknow.model.errors import ContentError, DecodeError, Refused
-from federation import keys
-from federation.messages.acts import Act, AgentName, Performative
-from federation.messages.codec import decode_act
-from federation.messages.conversations import OPEN_PER_PEER, REPLY_BY_US, RESULT_WITHIN_US, Conversations
-from federation.messages.delivery import OF_ONE, UNACKNOWLEDGED, WINDOW, SeenActs
-from federation.messages.protocols import Incoming, PeerLost, Phase, Reply, TimedOut, Undelivered
-from federation.messages.receipts import Receipt, decode_receipt, encode_receipt
-from federation.messages.sexpr import Expr
-from federation.transport import Put
 from tests.strategies import examples
 
 P = Performative

@@ -4,9 +4,8 @@ import tracemalloc
 
 import pytest
 
-from dyknow.model.errors import DecodeError
-from federation.messages.beats import MAX_TAILS
-from federation.messages.codec import (
+from dyknow.federation.messages.beats import MAX_TAILS
+from dyknow.federation.messages.codec import (
     SHORT,
     Heartbeat,
     StreamSample,
@@ -17,7 +16,8 @@ from federation.messages.codec import (
     encode_heartbeat,
     encode_samples,
 )
-from federation.messages.descriptions import Description, LabelEntry
+from dyknow.federation.messages.descriptions import Description, LabelEntry
+from dyknow.model.errors import DecodeError
 
 MOST_BYTES = 20_000_000
 

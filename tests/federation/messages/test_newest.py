@@ -4,13 +4,13 @@ from random import Random
 
 import pytest
 
+from dyknow.federation.members import member, replicas
+from dyknow.federation.messages import beats
+from dyknow.federation.messages.beats import MAX_TAILS
+from dyknow.federation.messages.codec import Heartbeat, decode_heartbeat, encode_description, encode_heartbeat
+from dyknow.federation.messages.descriptions import Description, LabelEntry
+from dyknow.federation.messages.newest import KEPT, Newest
 from dyknow.model.errors import DecodeError
-from federation.members import member, replicas
-from federation.messages import beats
-from federation.messages.beats import MAX_TAILS
-from federation.messages.codec import Heartbeat, decode_heartbeat, encode_description, encode_heartbeat
-from federation.messages.descriptions import Description, LabelEntry
-from federation.messages.newest import KEPT, Newest
 
 
 def test_what_a_unit_says_again_is_made_once_and_what_it_said_long_ago_is_made_again() -> None:

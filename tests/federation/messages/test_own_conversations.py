@@ -2,11 +2,11 @@
 
 import pytest
 
-from federation.messages.acts import Act, AgentName, Performative
-from federation.messages.codec import encode_act
-from federation.messages.contents import Hold
-from federation.messages.conversations import Conversations
-from federation.messages.protocols import OPENING, Incoming
+from dyknow.federation.messages.acts import Act, AgentName, Performative
+from dyknow.federation.messages.codec import encode_act
+from dyknow.federation.messages.contents import Hold
+from dyknow.federation.messages.conversations import Conversations
+from dyknow.federation.messages.protocols import OPENING, Incoming
 
 P = Performative
 NOW_US = 1_700_000_000_000_000

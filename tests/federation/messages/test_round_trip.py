@@ -5,13 +5,13 @@ from collections import deque
 from hypothesis import given
 from hypothesis import strategies as st
 
-from federation.messages.acts import Act, AgentName, Performative
-from federation.messages.conversations import Conversations
-from federation.messages.delivery import REPEATS, REPEATS_PER_S, RETRANSMISSIONS, SLOW_US
-from federation.messages.receipts import Receipt
-from federation.messages.round_trip import LEAST_US, MOST_US, RoundTrip
-from federation.messages.sexpr import Expr
-from federation.transport import Put
+from dyknow.federation.messages.acts import Act, AgentName, Performative
+from dyknow.federation.messages.conversations import Conversations
+from dyknow.federation.messages.delivery import REPEATS, REPEATS_PER_S, RETRANSMISSIONS, SLOW_US
+from dyknow.federation.messages.receipts import Receipt
+from dyknow.federation.messages.round_trip import LEAST_US, MOST_US, RoundTrip
+from dyknow.federation.messages.sexpr import Expr
+from dyknow.federation.transport import Put
 
 SAID = Act(Performative.INFORM, AgentName("x", "a"), AgentName("interface", "b"), Expr("done"))
 EVERY_US = 100_000

@@ -3,7 +3,7 @@
 from hypothesis import given
 from hypothesis import strategies as st
 
-from federation.messages.rounds import Retries, Round
+from dyknow.federation.messages.rounds import Retries, Round
 
 UNITS = st.sampled_from(["1", "2", "3", "4"])
 EVENTS = st.lists(st.tuples(st.sampled_from(["ask", "answered", "answered", "answered"]), UNITS), max_size=20)

@@ -2,9 +2,9 @@ import pytest
 from hypothesis import given
 from hypothesis import strategies as st
 
+from dyknow.federation.messages.sexpr import MAX_DEPTH, Expr, ExprValue, QuotedText, print_value
 from dyknow.model.errors import TextError
 from dyknow.model.values import NO_VALUE
-from federation.messages.sexpr import MAX_DEPTH, Expr, ExprValue, QuotedText, print_value
 from tests.federation.expressions import parse_expr, parse_value
 from tests.federation.strategies import EXPRESSIONS, VALUES
 

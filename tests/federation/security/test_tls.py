@@ -8,10 +8,16 @@ from cryptography import x509
 from cryptography.hazmat.primitives.asymmetric import ec
 from cryptography.hazmat.primitives.serialization import load_pem_private_key
 
+from dyknow.federation import keys
+from dyknow.federation.security.tls import (
+    Paths,
+    authority_certificate,
+    platform_certificate,
+    tls_key,
+    zenoh_security_config,
+)
+from dyknow.federation.security.trust import Roster, RosterMember
 from dyknow.model.errors import NameRefused, RosterError
-from federation import keys
-from federation.security.tls import Paths, authority_certificate, platform_certificate, tls_key, zenoh_security_config
-from federation.security.trust import Roster, RosterMember
 
 NOW = 1_700_000_000_000_000
 PATHS = Paths("pki/ca.pem", "pki/uav1.pem", "pki/uav1.key")

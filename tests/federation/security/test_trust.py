@@ -9,11 +9,10 @@ import pytest
 from hypothesis import given
 from hypothesis import strategies as st
 
-from dyknow.model.errors import RosterError
-from federation.messages.acts import Act, AgentName, Performative
-from federation.messages.codec import decode_act, encode_act
-from federation.messages.sexpr import Expr
-from federation.security.trust import (
+from dyknow.federation.messages.acts import Act, AgentName, Performative
+from dyknow.federation.messages.codec import decode_act, encode_act
+from dyknow.federation.messages.sexpr import Expr
+from dyknow.federation.security.trust import (
     LIVES,
     MAX_AGE_US,
     OFFSET_US,
@@ -25,6 +24,7 @@ from federation.security.trust import (
     Verifier,
     parse_key,
 )
+from dyknow.model.errors import RosterError
 
 NOW = 1_700_000_000_000_000
 START = NOW - 3_600_000_000

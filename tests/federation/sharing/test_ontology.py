@@ -5,13 +5,13 @@ import pytest
 from hypothesis import given
 from hypothesis import strategies as st
 
+from dyknow.federation import keys
+from dyknow.federation.sharing.ontology import Ontology, default_ontology
+from dyknow.federation.sharing.translation import Translation, convert_units
 from dyknow.model.errors import DyknowError, SortError, TextError, UnknownLabel
 from dyknow.model.labels import Label
 from dyknow.model.sample import Quality, Sample
 from dyknow.model.values import NO_VALUE, Field, Sort
-from federation import keys
-from federation.sharing.ontology import Ontology, default_ontology
-from federation.sharing.translation import Translation, convert_units
 
 FEET = """
 [heli-altitude]

@@ -3,10 +3,10 @@
 import pytest
 
 from dyknow import NO_VALUE, Field, Sort
+from dyknow.federation.sharing.ontology import default_ontology
+from dyknow.federation.sharing.ranges import _MOST, in_range
 from dyknow.model.errors import SortError
 from dyknow.model.instants import LATEST_S
-from federation.sharing.ontology import default_ontology
-from federation.sharing.ranges import _MOST, in_range
 
 LABELS = sorted(default_ontology())
 

@@ -9,15 +9,15 @@ from hypothesis import given, settings
 from hypothesis import strategies as st
 from hypothesis.stateful import RuleBasedStateMachine, invariant, precondition, rule
 
+from dyknow.federation.members.clock import FederationClock
+from dyknow.federation.messages.beats import MAX_TAILS
+from dyknow.federation.messages.codec import StreamSample, decode_range, decode_recovered, decode_samples
+from dyknow.federation.sharing.exports import LINGER_US, ContractEnded, EndReason, Exports, StreamEnded
+from dyknow.federation.sharing.streams import MISSING, RETRY_MOST_US, ExportStream, ImportStream
+from dyknow.federation.transport import Answer, AnswerEnd, Ask, Asked, Put
 from dyknow.model.errors import Refused
 from dyknow.model.sample import Sample
 from dyknow.policies.policy import Policy
-from federation.members.clock import FederationClock
-from federation.messages.beats import MAX_TAILS
-from federation.messages.codec import StreamSample, decode_range, decode_recovered, decode_samples
-from federation.sharing.exports import LINGER_US, ContractEnded, EndReason, Exports, StreamEnded
-from federation.sharing.streams import MISSING, RETRY_MOST_US, ExportStream, ImportStream
-from federation.transport import Answer, AnswerEnd, Ask, Asked, Put
 from tests.strategies import examples
 
 LABEL, HASH = "heli-position", "ab12cd34"

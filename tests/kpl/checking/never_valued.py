@@ -5,8 +5,8 @@ from collections.abc import Iterator
 from typing import NamedTuple
 
 from dyknow import UnitPrototype, of_values
+from dyknow.kpl.syntax.statements import read_specification
 from dyknow.model.errors import SourceText, TextError, TextErrors
-from kpl.syntax.statements import read_specification
 from tests.kpl.instances import Running
 
 BASE = """sort seen(symbol in text, x_m in m, y_m in m, sd_m in m, colour in text, length_m in m, end in bool)

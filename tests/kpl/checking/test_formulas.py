@@ -1,9 +1,9 @@
 import pytest
 
-import kpl
+from dyknow import kpl
+from dyknow.kpl import FeatureType, Vocabulary, check, parse_formula, print_formula, read_formula
 from dyknow.model.errors import TextError, TextErrors
-from kpl import FeatureType, Vocabulary, check, parse_formula, print_formula, read_formula
-from reasoning.formulas.tree import Always, Compare, Const, Duration, Eventually, Feature
+from dyknow.reasoning.formulas.tree import Always, Compare, Const, Duration, Eventually, Feature
 
 KNOWN = Vocabulary(
     features={

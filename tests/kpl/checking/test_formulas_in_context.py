@@ -3,8 +3,8 @@
 import pytest
 
 from dyknow import Policy
+from dyknow.kpl import parse_specification
 from dyknow.model.errors import TextError
-from kpl import parse_specification
 from tests.kpl.instances import Running
 
 BEFORE = """\

@@ -1,6 +1,6 @@
 import pytest
 
-from kpl import lint, parse_specification, read_formula
+from dyknow.kpl import lint, parse_specification, read_formula
 from tests.kpl.specifications import check_specification
 
 NOISY = """source float speedometer

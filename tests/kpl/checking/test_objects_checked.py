@@ -2,8 +2,8 @@
 
 import pytest
 
+from dyknow.kpl import parse_specification
 from dyknow.model.errors import TextErrors
-from kpl import parse_specification
 from tests.kpl.instances import Running
 
 BEFORE = """\

@@ -3,11 +3,11 @@
 import pytest
 from hypothesis import given
 
+from dyknow.kpl import Findings, Known, parse_specification
 from dyknow.model.errors import SourceText
 from dyknow.model.labels import Label
 from dyknow.model.semantic_labels import SemanticLabel
 from dyknow.model.values import Sort
-from kpl import Findings, Known, parse_specification
 from tests.kpl.specifications import check_specification, specifications
 from tests.kpl.syntax.test_statements import CARS
 

@@ -8,10 +8,10 @@ from pathlib import Path
 import pytest
 
 from dyknow import Policy
+from dyknow.kpl import parse_specification
+from dyknow.kpl.diagnostics.languages import table
+from dyknow.kpl.syntax.statements import read_specification
 from dyknow.model.errors import SourceText, TextError, TextErrors
-from kpl import parse_specification
-from kpl.diagnostics.languages import table
-from kpl.syntax.statements import read_specification
 from tests.kpl.instances import Running
 
 FOUND = json.loads(Path(__file__).with_name("wrong_specifications.json").read_text(encoding="utf-8"))

@@ -6,9 +6,9 @@ from itertools import pairwise
 import pytest
 
 from dyknow import Network, Sample, prototypes_in, value_unit
+from dyknow.kpl import Hooks, Instance, parse_specification
+from dyknow.kpl.introspection.governor import Governor
 from dyknow.model.errors import TextErrors
-from kpl import Hooks, Instance, parse_specification
-from kpl.introspection.governor import Governor
 
 SPECIFICATION = """
 source pos gps

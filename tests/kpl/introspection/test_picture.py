@@ -8,9 +8,9 @@ import pytest
 from hypothesis import given, settings
 from hypothesis import strategies as st
 
-from kpl.introspection.drawings import as_json, graph_of_json
-from kpl.introspection.graph import Edge, Graph, GraphNode, graph_of
-from kpl.introspection.picture import as_svg
+from dyknow.kpl.introspection.drawings import as_json, graph_of_json
+from dyknow.kpl.introspection.graph import Edge, Graph, GraphNode, graph_of
+from dyknow.kpl.introspection.picture import as_svg
 from tests.kpl.instances import Running
 
 NAMES = "abcdefgh"

@@ -4,11 +4,11 @@ from pathlib import Path
 
 import pytest
 
-from anchoring.belief.live.records import BELIEF_SORT
 from dyknow import Label, Sample
+from dyknow.anchoring.belief.live.records import BELIEF_SORT
+from dyknow.kpl import parse_specification, print_specification
+from dyknow.kpl.linking.beliefs import BeliefStream
 from dyknow.model.errors import SourceText, TextError, TextErrors
-from kpl import parse_specification, print_specification
-from kpl.linking.beliefs import BeliefStream
 from tests.kpl.instances import Running
 
 WATCHED = """

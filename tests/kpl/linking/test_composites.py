@@ -6,8 +6,8 @@ import random
 import pytest
 
 from dyknow import Label, Sample
+from dyknow.kpl.introspection.graph import graph_of
 from dyknow.model.errors import TextError, TextErrors
-from kpl.introspection.graph import graph_of
 from tests.kpl.instances import Running
 from tests.kpl.linking.test_several_links import NEAR, NEW, Sky, links_of
 
@@ -185,7 +185,7 @@ def test_while_a_percept_may_be_several_objects_its_samples_say_how_certain_they
 
 
 def test_pairs_beyond_what_is_looked_at_are_counted(monkeypatch) -> None:
-    monkeypatch.setattr("anchoring.links.composites.MOST_PAIRS", 2)
+    monkeypatch.setattr("dyknow.anchoring.links.composites.MOST_PAIRS", 2)
     road = Road(PERCEPTS + CARS + CONVOYS + "stream there = convoys\n")
     road.drive(0, 6000, **{name: (4.0 * at, 10.0) for at, name in enumerate("abcdef")})
     (node,) = (each for each in graph_of(road.instance).nodes if each.name == "convoys")

@@ -3,9 +3,9 @@
 import pytest
 
 from dyknow import Label, Sample, Sort
+from dyknow.kpl import parse_specification
 from dyknow.model.errors import SourceText, TextErrors
 from dyknow.model.values import Field
-from kpl import parse_specification
 from tests.kpl.instances import Running
 
 SEEN = """sort seen(symbol in text, x_m in m, y_m in m, sd_m in m, colour in text, end in bool)

@@ -2,16 +2,16 @@
 
 import pytest
 
-from anchoring.links.deciding.gating import gate_of
-from anchoring.links.prediction import ConstantVelocity, HabitualMotion
-from anchoring.links.specification import distance, unlikelihood
-from anchoring.roads.prediction import AlongRoads
+from dyknow.anchoring.links.deciding.gating import gate_of
+from dyknow.anchoring.links.prediction import ConstantVelocity, HabitualMotion
+from dyknow.anchoring.links.specification import distance, unlikelihood
+from dyknow.anchoring.roads.prediction import AlongRoads
+from dyknow.kpl import parse_specification
+from dyknow.kpl.checking.symbols import Known, SymbolTable
+from dyknow.kpl.linking.declarations import link_specifications, linkage_key, links_in
+from dyknow.kpl.syntax.listing import print_declaration
+from dyknow.kpl.syntax.statements import roads_of
 from dyknow.model.errors import TextErrors
-from kpl import parse_specification
-from kpl.checking.symbols import Known, SymbolTable
-from kpl.linking.declarations import link_specifications, linkage_key, links_in
-from kpl.syntax.listing import print_declaration
-from kpl.syntax.statements import roads_of
 from tests.kpl.linking.test_linking import PERCEPTS, WORLD, Camera, read_file
 
 LINK = "strmgen world = link(percepts, WorldObject, true, xy_dist[from, to] < 5, true)"

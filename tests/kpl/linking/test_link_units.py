@@ -5,9 +5,9 @@ from itertools import pairwise
 import pytest
 
 from dyknow import Field, Sort, UnitPrototype, computational_unit, value_unit
+from dyknow.kpl.introspection.graph import graph_of
 from dyknow.model.errors import TextError, TextErrors
 from dyknow.network.prototypes import prototypes_in
-from kpl.introspection.graph import graph_of
 from tests.kpl.instances import Running
 
 CAR = Sort(

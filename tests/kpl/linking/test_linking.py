@@ -5,14 +5,14 @@ from pathlib import Path
 import pytest
 
 from dyknow import Label, SourcePrototype
+from dyknow.kpl import parse_specification
+from dyknow.kpl.checking.symbols import Known, SymbolTable
+from dyknow.kpl.linking.declarations import link_specifications, linkage_key, links_in
+from dyknow.kpl.linking.streams import LinkStream
+from dyknow.kpl.syntax.statements import roads_of
 from dyknow.model.errors import SourceText, TextError, TextErrors
-from kpl import parse_specification
-from kpl.checking.symbols import Known, SymbolTable
-from kpl.linking.declarations import link_specifications, linkage_key, links_in
-from kpl.linking.streams import LinkStream
-from kpl.syntax.statements import roads_of
-from navigation import LocalFrame
-from reasoning.formulas.tree import Const, walk
+from dyknow.navigation import LocalFrame
+from dyknow.reasoning.formulas.tree import Const, walk
 from tests.kpl.instances import Running
 
 PERCEPTS = """

@@ -2,9 +2,9 @@
 
 import pytest
 
-from anchoring.roads.network import RoadNetwork
+from dyknow.anchoring.roads.network import RoadNetwork
 from dyknow.model.errors import TextError, TextErrors
-from navigation import LocalFrame
+from dyknow.navigation import LocalFrame
 from tests.kpl.linking.test_linking import PERCEPTS, ROADS, WORLD, Camera, OnTheRoad, specifications
 
 HERE = "define ORIGIN_LATITUDE_DEG = 58.4\ndefine ORIGIN_LONGITUDE_DEG = 15.6\n"

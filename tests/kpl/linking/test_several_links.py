@@ -6,10 +6,10 @@ import random
 import pytest
 
 from dyknow import Label
+from dyknow.kpl.introspection.graph import graph_of
+from dyknow.kpl.introspection.link_reasons import because
+from dyknow.kpl.syntax.listing import print_specification
 from dyknow.model.errors import TextErrors
-from kpl.introspection.graph import graph_of
-from kpl.introspection.link_reasons import because
-from kpl.syntax.listing import print_specification
 from tests.kpl.instances import Running
 
 NEW, NEAR = "eventually [1000, oo] true", "eventually [0, 1000] xy_dist[from, to] < thresh"

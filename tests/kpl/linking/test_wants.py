@@ -3,11 +3,11 @@
 import pytest
 
 from dyknow import Label
+from dyknow.kpl import parse_specification, print_specification
+from dyknow.kpl.checking.symbols import SymbolTable
+from dyknow.kpl.linking.streams import LinkStream
+from dyknow.kpl.linking.wants import MOST, Wanted, wants_in
 from dyknow.model.errors import SourceText, TextError, TextErrors
-from kpl import parse_specification, print_specification
-from kpl.checking.symbols import SymbolTable
-from kpl.linking.streams import LinkStream
-from kpl.linking.wants import MOST, Wanted, wants_in
 from tests.kpl.instances import Running
 from tests.kpl.linking.test_linking import PERCEPTS, WORLD
 

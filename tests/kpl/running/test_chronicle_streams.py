@@ -3,10 +3,10 @@
 import pytest
 
 from dyknow import Network, Sample
+from dyknow.kpl import Hooks, Instance, parse_specification, print_specification
+from dyknow.kpl.introspection.drawings import as_text
+from dyknow.kpl.introspection.graph import graph_of
 from dyknow.model.errors import SourceText, TextErrors
-from kpl import Hooks, Instance, parse_specification, print_specification
-from kpl.introspection.drawings import as_text
-from kpl.introspection.graph import graph_of
 
 MS = 1000
 TURNS = """

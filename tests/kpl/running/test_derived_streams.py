@@ -3,9 +3,9 @@
 import pytest
 
 from dyknow import Label, Policy
-from reasoning import FEATURES
-from reasoning.features.derivation import FeatureInput
-from reasoning.features.derived_streams import derived_stream, stream_of
+from dyknow.reasoning import FEATURES
+from dyknow.reasoning.features.derivation import FeatureInput
+from dyknow.reasoning.features.derived_streams import derived_stream, stream_of
 from tests.kpl.instances import Running
 
 POSITIONS = """

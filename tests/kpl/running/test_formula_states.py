@@ -4,11 +4,11 @@ import json
 
 import pytest
 
+from dyknow.kpl import parse_specification, print_formula, print_specification
+from dyknow.kpl.introspection.drawings import as_json, as_text
+from dyknow.kpl.introspection.graph import graph_of
+from dyknow.kpl.running.asking import read_over
 from dyknow.model.errors import TextErrors
-from kpl import parse_specification, print_formula, print_specification
-from kpl.introspection.drawings import as_json, as_text
-from kpl.introspection.graph import graph_of
-from kpl.running.asking import read_over
 from tests.kpl.instances import Running
 
 BASE = """

@@ -5,11 +5,11 @@ from dataclasses import replace
 import pytest
 
 from dyknow import Label, Policy, UnitPrototype, of_values
+from dyknow.kpl import parse_specification
+from dyknow.kpl.checking.specifications import LONGEST_CHAIN
+from dyknow.kpl.running.parts import MAX_OF_FAMILIES
+from dyknow.kpl.syntax.specification import GeneratorDeclaration, StateStream, StreamTerm
 from dyknow.model.errors import TextError, TextErrors
-from kpl import parse_specification
-from kpl.checking.specifications import LONGEST_CHAIN
-from kpl.running.parts import MAX_OF_FAMILIES
-from kpl.syntax.specification import GeneratorDeclaration, StateStream, StreamTerm
 from tests.kpl.instances import Running
 
 BASE = "source number raw\nstrmgen a = raw\nstream out = a\n"

@@ -7,8 +7,8 @@ from hypothesis import given, settings
 from hypothesis import strategies as st
 
 from dyknow import NO_VALUE, Label, Sample, UnitPrototype, of_values
+from dyknow.kpl import parse_specification, print_specification
 from dyknow.model.errors import PrototypeExists, Refused, SortError, TextErrors, UnknownPrototype
-from kpl import parse_specification, print_specification
 from tests.kpl.instances import Running, label, source
 
 BASE = """\

@@ -2,10 +2,10 @@
 
 import pytest
 
+from dyknow.kpl import Known, parse_specification
+from dyknow.kpl.introspection.graph import graph_of
 from dyknow.model.errors import TextErrors
 from dyknow.model.values import NO_VALUE
-from kpl import Known, parse_specification
-from kpl.introspection.graph import graph_of
 from tests.kpl.instances import Running, label
 from tests.kpl.specifications import check_specification
 

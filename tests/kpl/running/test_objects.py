@@ -7,9 +7,9 @@ from pathlib import Path
 import pytest
 
 from dyknow import NO_VALUE
+from dyknow.kpl import parse_specification, print_specification
 from dyknow.model.errors import SourceText
-from kpl import parse_specification, print_specification
-from reasoning.features.proximity import offset_m
+from dyknow.reasoning.features.proximity import offset_m
 from tests.kpl.instances import Running
 
 CARS = """

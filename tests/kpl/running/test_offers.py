@@ -5,8 +5,8 @@ from collections.abc import Iterator
 import pytest
 
 from dyknow import Label, Network, Reading, Sample, SourcePrototype, UnitPrototype, of_values
+from dyknow.kpl import Hooks, Instance, parse_specification
 from dyknow.model.errors import SortError
-from kpl import Hooks, Instance, parse_specification
 
 CAMERA = Label("cam")
 

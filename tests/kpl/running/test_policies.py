@@ -7,11 +7,11 @@ from hypothesis import given
 from hypothesis import strategies as st
 
 from dyknow import Network, Policy
+from dyknow.kpl import parse_specification, print_specification
+from dyknow.kpl.checking.warnings import run_warnings
+from dyknow.kpl.introspection.graph import graph_of
 from dyknow.model.errors import PolicyError, TextErrors
 from dyknow.model.instants import RelativeInstant, iso_instant, parse_instant, print_instant
-from kpl import parse_specification, print_specification
-from kpl.checking.warnings import run_warnings
-from kpl.introspection.graph import graph_of
 from tests.command import run as dyknow
 from tests.kpl.instances import Running
 from tests.strategies import policies

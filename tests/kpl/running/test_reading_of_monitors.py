@@ -1,7 +1,7 @@
 """What can be said of what formulas read before anything runs."""
 
+from dyknow.kpl import Known, parse_specification
 from dyknow.model.errors import SourceText
-from kpl import Known, parse_specification
 from tests.kpl.specifications import check_specification
 
 SPECIFICATION = """\

@@ -8,10 +8,10 @@ from dataclasses import dataclass
 import pytest
 
 from dyknow import Network, Sample, value_unit
+from dyknow.kpl import Hooks, Instance, parse_specification
 from dyknow.model.errors import TextErrors
 from dyknow.network.prototypes import prototypes_in
-from kpl import Hooks, Instance, parse_specification
-from runtime.loop import BATCH
+from dyknow.runtime.loop import BATCH
 from tests.satisfaction import satisfied
 
 PERIOD_US = 100_000

@@ -3,12 +3,12 @@
 import pytest
 from hypothesis import given
 
+from dyknow.kpl.diagnostics.languages import language
+from dyknow.kpl.syntax.chronicle_reading import ChronicleReader
+from dyknow.kpl.syntax.chronicles import print_chronicles
+from dyknow.kpl.syntax.grammar import parse_tree
 from dyknow.model.errors import TextError
-from kpl.diagnostics.languages import language
-from kpl.syntax.chronicle_reading import ChronicleReader
-from kpl.syntax.chronicles import print_chronicles
-from kpl.syntax.grammar import parse_tree
-from reasoning.chronicles.definition.model import ChronicleFile
+from dyknow.reasoning.chronicles.definition.model import ChronicleFile
 from tests.kpl.chronicle_strategies import files
 
 

@@ -7,12 +7,14 @@ from pathlib import Path
 
 import pytest
 
+from dyknow.kpl.diagnostics.languages import language
+from dyknow.kpl.syntax.grammar import TEXTS, _marks, parse_tree, parser
 from dyknow.model.errors import TextError
-from kpl.diagnostics.languages import language
-from kpl.syntax.grammar import TEXTS, _marks, parse_tree, parser
 
 ROOT = Path(__file__).parents[3]
-PARSES = "from kpl.syntax.grammar import parser; print(parser().parse('always a', start='formula_only').pretty())"
+PARSES = (
+    "from dyknow.kpl.syntax.grammar import parser; print(parser().parse('always a', start='formula_only').pretty())"
+)
 
 
 @pytest.fixture

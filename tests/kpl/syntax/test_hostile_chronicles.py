@@ -7,9 +7,9 @@ import time
 
 import pytest
 
+from dyknow.kpl import print_chronicles, read_chronicles
+from dyknow.kpl.diagnostics.languages import language
 from dyknow.model.errors import SourceText, TextError
-from kpl import print_chronicles, read_chronicles
-from kpl.diagnostics.languages import language
 
 LONGEST_S = 1.0
 """Of processor time, looked at where nothing else runs."""

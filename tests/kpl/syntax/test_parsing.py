@@ -4,12 +4,12 @@ import pytest
 from hypothesis import HealthCheck, given, settings
 from hypothesis import strategies as st
 
+from dyknow.kpl import check, parse_formula, print_formula
+from dyknow.kpl.checking.formulas import Vocabulary
+from dyknow.kpl.diagnostics.languages import language
 from dyknow.model.errors import SourceText, TextError, TextErrors
-from kpl import check, parse_formula, print_formula
-from kpl.checking.formulas import Vocabulary
-from kpl.diagnostics.languages import language
-from reasoning import make_progression
-from reasoning.formulas.tree import (
+from dyknow.reasoning import make_progression
+from dyknow.reasoning.formulas.tree import (
     Always,
     And,
     Arithmetic,

@@ -4,12 +4,9 @@ import pytest
 from hypothesis import given, settings
 from hypothesis import strategies as st
 
-from dyknow.model.errors import SourceText, TextError, TextErrors
-from dyknow.model.labels import Label
-from dyknow.policies.policy import Policy
-from kpl.diagnostics.languages import language
-from kpl.syntax.listing import print_specification
-from kpl.syntax.specification import (
+from dyknow.kpl.diagnostics.languages import language
+from dyknow.kpl.syntax.listing import print_specification
+from dyknow.kpl.syntax.specification import (
     FromSource,
     GeneratorDeclaration,
     MonitorDeclaration,
@@ -20,7 +17,10 @@ from kpl.syntax.specification import (
     StreamTerm,
     UnitDeclaration,
 )
-from kpl.syntax.statements import MAX_ERRORS, parse_specification
+from dyknow.kpl.syntax.statements import MAX_ERRORS, parse_specification
+from dyknow.model.errors import SourceText, TextError, TextErrors
+from dyknow.model.labels import Label
+from dyknow.policies.policy import Policy
 from tests.kpl.specifications import specifications
 from tests.strategies import examples
 

@@ -2,8 +2,8 @@
 
 import pytest
 
+from dyknow.kpl import parse_chronicles
 from dyknow.model.errors import SourceText, TextErrors
-from kpl import parse_chronicles
 
 WRONG = """\
 domain A = {a, b}

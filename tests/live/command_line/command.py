@@ -17,11 +17,11 @@ from typing import Any
 
 import psutil
 
-from runtime.configuration.run_directory import STATE_FILE
+from dyknow.runtime.configuration.run_directory import STATE_FILE
 from tests import command
 
 PATIENCE_S = 100.0
-RUN = "import signal; signal.signal(signal.SIGINT, signal.default_int_handler); from console.main import main; main()"
+RUN = "import signal; signal.signal(signal.SIGINT, signal.default_int_handler); from dyknow.console.main import main; main()"
 """As a terminal starts it: what runs in the background of a shell ignores Ctrl-C, and so would its children."""
 
 

@@ -2,10 +2,10 @@
 
 from typing import Any
 
-from agents.actions import REQUESTED, Action, Offer, Role
-from agents.part import Part
-from federation.members.offers import Service
-from federation.messages.contents import Content
+from dyknow.agents.actions import REQUESTED, Action, Offer, Role
+from dyknow.agents.part import Part
+from dyknow.federation.members.offers import Service
+from dyknow.federation.messages.contents import Content
 
 
 class FailHere(Content):

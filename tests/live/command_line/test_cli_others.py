@@ -90,7 +90,7 @@ def _roster(dyknow: Dyknow, what: str, *units: str) -> None:
     import sys
 
     subprocess.run(
-        [sys.executable, "-c", "from console.main import main; main()", "roster", what, *units, *dyknow.options,
+        [sys.executable, "-c", "from dyknow.console.main import main; main()", "roster", what, *units, *dyknow.options,
          "--federation", dyknow.federation],
         check=True, capture_output=True, timeout=60,
     )  # fmt: skip

@@ -18,21 +18,21 @@ import psutil
 import pytest
 
 import dyknow as facade
-from dyknow.model.errors import NothingFound
-from federation import keys
-from federation.messages.acts import Performative
-from federation.messages.beats import MAX_TAILS
-from federation.messages.codec import (
+from dyknow.federation import keys
+from dyknow.federation.messages.acts import Performative
+from dyknow.federation.messages.beats import MAX_TAILS
+from dyknow.federation.messages.codec import (
     Heartbeat,
     StreamSample,
     encode_description,
     encode_heartbeat,
     encode_samples,
 )
-from federation.messages.contents import Alarm, CheckFormula, Search
-from federation.messages.descriptions import Description, LabelEntry, ServiceEntry
-from runtime.configuration.run_directory import STATE_FILE
-from runtime.configuration.session import host_of
+from dyknow.federation.messages.contents import Alarm, CheckFormula, Search
+from dyknow.federation.messages.descriptions import Description, LabelEntry, ServiceEntry
+from dyknow.model.errors import NothingFound
+from dyknow.runtime.configuration.run_directory import STATE_FILE
+from dyknow.runtime.configuration.session import host_of
 from tests.live.command_line import test_hostile_member
 from tests.live.command_line.command import Dyknow
 from tests.live.command_line.test_hostile_member import Member

@@ -9,10 +9,10 @@ from typing import Any
 import pytest
 import zenoh
 
-from federation import keys
-from federation.messages.acts import Act, AgentName, Performative
-from federation.messages.codec import Heartbeat, decode_act, encode_act, encode_description, encode_heartbeat
-from federation.messages.contents import (
+from dyknow.federation import keys
+from dyknow.federation.messages.acts import Act, AgentName, Performative
+from dyknow.federation.messages.codec import Heartbeat, decode_act, encode_act, encode_description, encode_heartbeat
+from dyknow.federation.messages.contents import (
     Alarm,
     AreaRing,
     AssignArea,
@@ -26,12 +26,12 @@ from federation.messages.contents import (
     JoinMission,
     PerformCommands,
 )
-from federation.messages.descriptions import Description, ServiceEntry
-from federation.security.trust import Roster, Signer
-from proxies.zenoh.configuration import zenoh_config
-from runtime.configuration.config import WireConfig
-from runtime.configuration.run_directory import STATE_FILE
-from runtime.configuration.session import wire_options
+from dyknow.federation.messages.descriptions import Description, ServiceEntry
+from dyknow.federation.security.trust import Roster, Signer
+from dyknow.proxies.zenoh.configuration import zenoh_config
+from dyknow.runtime.configuration.config import WireConfig
+from dyknow.runtime.configuration.run_directory import STATE_FILE
+from dyknow.runtime.configuration.session import wire_options
 from tests.live.command_line.command import Dyknow
 
 pytestmark = pytest.mark.live

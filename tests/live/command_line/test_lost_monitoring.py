@@ -9,7 +9,7 @@ from typing import Any
 
 import pytest
 
-from reasoning.monitoring.inputs import STALE_FOR_US
+from dyknow.reasoning.monitoring.inputs import STALE_FOR_US
 from tests.live.command_line.command import Dyknow, Follower
 
 pytestmark = pytest.mark.live

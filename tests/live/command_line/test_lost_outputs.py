@@ -9,7 +9,7 @@ from pathlib import Path
 import psutil
 import pytest
 
-from runtime.configuration.config import NodeConfig, SimulatedVehicleConfig, WireConfig
+from dyknow.runtime.configuration.config import NodeConfig, SimulatedVehicleConfig, WireConfig
 from tests.live.command_line.command import PATIENCE_S, Dyknow, gone, lines
 
 pytestmark = pytest.mark.live
@@ -27,9 +27,9 @@ def test_a_platform_on_a_full_disk_flies_on_and_is_listed_with_what_it_lost(dykn
     command = [
         sys.executable,
         "-m",
-        "runtime.node",
+        "dyknow.runtime.node",
         "--vehicles",
-        "sim_uavs.simulated",
+        "dyknow.sim_uavs.simulated",
         "--config",
         str(tmp_path / "0.json"),
     ]

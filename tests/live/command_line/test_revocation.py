@@ -14,12 +14,12 @@ from typing import Any
 import pytest
 import zenoh
 
-from federation.messages.codec import decode_samples
-from federation.security.tls import authority_certificate, platform_certificate, tls_key
-from proxies.zenoh.configuration import ZenohOptions, zenoh_config
-from runtime.configuration.config import WireConfig
-from runtime.configuration.run_directory import STATE_FILE
-from runtime.configuration.session import wire_options
+from dyknow.federation.messages.codec import decode_samples
+from dyknow.federation.security.tls import authority_certificate, platform_certificate, tls_key
+from dyknow.proxies.zenoh.configuration import ZenohOptions, zenoh_config
+from dyknow.runtime.configuration.config import WireConfig
+from dyknow.runtime.configuration.run_directory import STATE_FILE
+from dyknow.runtime.configuration.session import wire_options
 from tests.live.command_line.command import Dyknow
 
 pytestmark = pytest.mark.live

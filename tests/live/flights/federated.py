@@ -9,18 +9,25 @@ from pathlib import Path
 from queue import SimpleQueue
 from typing import Any
 
-from console.commands.fleet.up import FleetStart
-from console.processes.supervision import Fleet
-from federation.members.command_centre import CommandCentre
-from federation.messages.acts import Performative
-from federation.messages.contents import Alarm, CreateMulticast, MonitorEntry, MonitorList, MonitorProximity, Monitors
-from federation.messages.dialogue import Dialogue
-from navigation.geodesy import distance_m
-from proxies.zenoh.configuration import ZenohOptions
-from proxies.zenoh.edge import ZenohEdge
-from runtime.client import Client, ClientPorts
-from runtime.clock import NodeClock
-from runtime.configuration.config import NodeConfig
+from dyknow.console.commands.fleet.up import FleetStart
+from dyknow.console.processes.supervision import Fleet
+from dyknow.federation.members.command_centre import CommandCentre
+from dyknow.federation.messages.acts import Performative
+from dyknow.federation.messages.contents import (
+    Alarm,
+    CreateMulticast,
+    MonitorEntry,
+    MonitorList,
+    MonitorProximity,
+    Monitors,
+)
+from dyknow.federation.messages.dialogue import Dialogue
+from dyknow.navigation.geodesy import distance_m
+from dyknow.proxies.zenoh.configuration import ZenohOptions
+from dyknow.proxies.zenoh.edge import ZenohEdge
+from dyknow.runtime.client import Client, ClientPorts
+from dyknow.runtime.clock import NodeClock
+from dyknow.runtime.configuration.config import NodeConfig
 
 JOIN_S = 40.0
 ANSWER_S = 5.0
@@ -129,7 +136,10 @@ class Federated:
 
 @contextmanager
 def federated(
-    directory: Path, configs: list[dict[str, Any]], clock: dict[str, Any] | None = None, module: str = "runtime.node"
+    directory: Path,
+    configs: list[dict[str, Any]],
+    clock: dict[str, Any] | None = None,
+    module: str = "dyknow.runtime.node",
 ) -> Iterator[Federated]:
     """Start a platform for each configuration; entered when all have found each other and the command centre them."""
     name = f"test-{os.getpid()}-{next(_NUMBERS)}"

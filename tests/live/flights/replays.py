@@ -9,11 +9,11 @@ from dataclasses import dataclass, field
 from pathlib import Path
 from typing import Any
 
-from agents.effects import Reported
-from federation.members.clock import FederationClock
-from federation.messages.contents import Alarm, Alarms, MonitorEntry
-from navigation.vehicle import PositionReport, Report
-from proxies.recordings.journal_file import Stepped, read_journal
+from dyknow.agents.effects import Reported
+from dyknow.federation.members.clock import FederationClock
+from dyknow.federation.messages.contents import Alarm, Alarms, MonitorEntry
+from dyknow.navigation.vehicle import PositionReport, Report
+from dyknow.proxies.recordings.journal_file import Stepped, read_journal
 from tests.live.flights.federated import Federated, Track, federated, separations
 from tests.live.flights.test_real_flights import Place
 from tests.navigation.offline import run_filter

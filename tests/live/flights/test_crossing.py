@@ -8,12 +8,12 @@ from pathlib import Path
 
 import pytest
 
-from federation.messages.contents import Alarm, Alarms
-from federation.messages.dialogue import Dialogue
-from navigation.geodesy import distance_m
-from reasoning.features.proximity import closest_approach
-from reasoning.features.proximity import offset_m as offset
-from sim_uavs.dynamics.scenarios import scenario
+from dyknow.federation.messages.contents import Alarm, Alarms
+from dyknow.federation.messages.dialogue import Dialogue
+from dyknow.navigation.geodesy import distance_m
+from dyknow.reasoning.features.proximity import closest_approach
+from dyknow.reasoning.features.proximity import offset_m as offset
+from dyknow.sim_uavs.dynamics.scenarios import scenario
 from tests.live.flights.federated import VELOCITY, Federated, federated, separations
 
 pytestmark = pytest.mark.live

@@ -11,9 +11,9 @@ from typing import Any
 import pytest
 
 import dyknow as library
-from runtime.library.pictures.supplies import supply_goals
-from sim_uavs.bodies import bodies_of
-from sim_uavs.dynamics.scenarios import scenario
+from dyknow.runtime.library.pictures.supplies import supply_goals
+from dyknow.sim_uavs.bodies import bodies_of
+from dyknow.sim_uavs.dynamics.scenarios import scenario
 from tests.live.command_line.command import Dyknow
 
 pytestmark = [pytest.mark.live, pytest.mark.full]

@@ -36,7 +36,7 @@ def joining(directory: Path, federation: str, unit: str, log: str, *options: str
     argv = ["join", "--unit", unit, "--replay", file(log), "--federation", federation, "--json", *options]
     with (directory / f"{unit}.err").open("wb") as errors:
         child = subprocess.Popen(
-            [sys.executable, "-c", "from console.main import main; main()", *argv],
+            [sys.executable, "-c", "from dyknow.console.main import main; main()", *argv],
             stdout=subprocess.PIPE,
             stderr=errors,
             env={**os.environ, "XDG_RUNTIME_DIR": str(directory)},

@@ -17,13 +17,13 @@ from typing import NamedTuple
 
 import pytest
 
-from federation.members.clock import FederationClock
-from navigation.fusion import PositionFilter
-from navigation.geodesy import distance_m
-from navigation.vehicle import BatteryReport, HomeReport, PositionReport, Report, StatusReport
-from proxies.recordings.formats import open_recording
-from proxies.recordings.recording import Recording
-from proxies.recordings.replay import Replay, schedule
+from dyknow.federation.members.clock import FederationClock
+from dyknow.navigation.fusion import PositionFilter
+from dyknow.navigation.geodesy import distance_m
+from dyknow.navigation.vehicle import BatteryReport, HomeReport, PositionReport, Report, StatusReport
+from dyknow.proxies.recordings.formats import open_recording
+from dyknow.proxies.recordings.recording import Recording
+from dyknow.proxies.recordings.replay import Replay, schedule
 from tests.navigation.offline import run_filter
 
 pytestmark = [
@@ -178,7 +178,7 @@ def test_a_px4_log_is_read_as_the_reference_parser_reads_it() -> None:
 
     path = Path(os.environ["DYKNOW_FLIGHT_DATA"]) / PX4
     reference = ULog(str(path))
-    from proxies.recordings.ulog import UlogRecording
+    from dyknow.proxies.recordings.ulog import UlogRecording
 
     topics = frozenset({"vehicle_gps_position", "vehicle_global_position", "vehicle_local_position", "sensor_combined"})
     rows: dict[str, list[dict]] = {}

@@ -7,8 +7,8 @@ from typing import Any
 
 import pytest
 
-from runtime.recordings.recorded import FederationRecording
-from runtime.recordings.summary import RecordingSummary, summary_of
+from dyknow.runtime.recordings.recorded import FederationRecording
+from dyknow.runtime.recordings.summary import RecordingSummary, summary_of
 from tests.console.commands.recordings.encounter import EXAMPLE
 from tests.live.command_line.command import Dyknow, lines
 

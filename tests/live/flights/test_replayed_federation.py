@@ -11,10 +11,10 @@ from pathlib import Path
 
 import pytest
 
-from federation.messages.contents import Query, Samples
-from proxies.recordings.formats import open_recording
-from proxies.recordings.mcap_log import JournalRecording
-from proxies.recordings.replay import schedule
+from dyknow.federation.messages.contents import Query, Samples
+from dyknow.proxies.recordings.formats import open_recording
+from dyknow.proxies.recordings.mcap_log import JournalRecording
+from dyknow.proxies.recordings.replay import schedule
 from tests.live.flights.federated import POSITION, Federated
 from tests.live.flights.replays import PERIOD_US, Flown, crossings, file, fixes, fly_out, flying, gaps, watch
 from tests.live.flights.test_real_flights import (

@@ -13,14 +13,14 @@ from contextlib import contextmanager
 from pathlib import Path
 from typing import Any, NamedTuple, Self
 
-from federation.messages.contents import Content, ImportCounts, ImportList, MonitorEntry, MonitorList, read
-from runtime.clock import NodeClock
+from dyknow.federation.messages.contents import Content, ImportCounts, ImportList, MonitorEntry, MonitorList, read
+from dyknow.runtime.clock import NodeClock
 from tests.federation.expressions import parse_expr
 
 PATIENCE_S = 60.0
 PACE_S = 0.25
 SCENARIO = "hover"
-_CLI = "from console.main import main; main()"
+_CLI = "from dyknow.console.main import main; main()"
 
 
 class Heard(NamedTuple):
@@ -159,9 +159,9 @@ class Fleet:
                 *place.prefix,
                 sys.executable,
                 "-m",
-                "runtime.node",
+                "dyknow.runtime.node",
                 "--vehicles",
-                "sim_uavs.simulated",
+                "dyknow.sim_uavs.simulated",
                 "--config",
                 str(path),
             ]

@@ -14,15 +14,15 @@ from dataclasses import dataclass
 from queue import Empty, SimpleQueue
 from typing import Any
 
-from federation.members.command_centre import CommandCentre
-from federation.messages.acts import Performative
-from federation.messages.contents import read
-from federation.messages.dialogue import Dialogue
-from federation.transport import WireEvent
-from proxies.zenoh.configuration import ZenohOptions
-from proxies.zenoh.edge import ZenohEdge
-from runtime.client import Client, ClientPorts
-from runtime.clock import NodeClock
+from dyknow.federation.members.command_centre import CommandCentre
+from dyknow.federation.messages.acts import Performative
+from dyknow.federation.messages.contents import read
+from dyknow.federation.messages.dialogue import Dialogue
+from dyknow.federation.transport import WireEvent
+from dyknow.proxies.zenoh.configuration import ZenohOptions
+from dyknow.proxies.zenoh.edge import ZenohEdge
+from dyknow.runtime.client import Client, ClientPorts
+from dyknow.runtime.clock import NodeClock
 from tests.federation.expressions import parse_expr
 
 STEP_S = 0.02

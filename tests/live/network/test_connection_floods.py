@@ -10,8 +10,8 @@ from pathlib import Path
 
 import pytest
 
-from runtime.configuration.run_directory import STATE_FILE
-from runtime.configuration.session import host_of
+from dyknow.runtime.configuration.run_directory import STATE_FILE
+from dyknow.runtime.configuration.session import host_of
 from tests.live.command_line.command import Dyknow
 
 pytestmark = [pytest.mark.live, pytest.mark.timeout(300)]

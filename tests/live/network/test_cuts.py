@@ -5,8 +5,8 @@ from collections.abc import Iterator
 
 import pytest
 
-from federation.messages.acts import parse_act
-from federation.messages.contents import ActList, ImportCounts, MonitorEntry
+from dyknow.federation.messages.acts import parse_act
+from dyknow.federation.messages.contents import ActList, ImportCounts, MonitorEntry
 from tests.live.network.fleet import Fleet, Node, Place, ms, report
 from tests.netlab import Lab, lab_of
 

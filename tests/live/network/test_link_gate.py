@@ -11,13 +11,13 @@ from typing import Any
 import pytest
 import zenoh
 
-from federation import transport as wire
-from federation.security.tls import LINKS
-from federation.security.trust import Roster
-from proxies.zenoh.configuration import ZenohOptions, zenoh_config
-from proxies.zenoh.edge import ZenohEdge
-from runtime.configuration.config import WireConfig
-from runtime.configuration.session import wire_options
+from dyknow.federation import transport as wire
+from dyknow.federation.security.tls import LINKS
+from dyknow.federation.security.trust import Roster
+from dyknow.proxies.zenoh.configuration import ZenohOptions, zenoh_config
+from dyknow.proxies.zenoh.edge import ZenohEdge
+from dyknow.runtime.configuration.config import WireConfig
+from dyknow.runtime.configuration.session import wire_options
 from tests.live.command_line.command import Dyknow, free_tcp_ports
 
 pytestmark = pytest.mark.live

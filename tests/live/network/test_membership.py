@@ -5,7 +5,7 @@ from itertools import pairwise
 
 import pytest
 
-from federation.messages.contents import ImportCounts, MonitorEntry, Reading, Samples
+from dyknow.federation.messages.contents import ImportCounts, MonitorEntry, Reading, Samples
 from tests.live.network.fleet import Fleet, Heard, ms, report
 
 pytestmark = [pytest.mark.live, pytest.mark.timeout(600)]

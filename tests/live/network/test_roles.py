@@ -12,18 +12,18 @@ from queue import SimpleQueue
 
 import pytest
 
-from agents.actions import QUERIED, Action, Role
-from agents.extensions import own_parts
-from federation.members.command_centre import CommandCentre
-from federation.messages.acts import Performative
-from federation.messages.contents import Reason, read
-from federation.security.trust import Roster, RosterMember, Signer, Trust
-from federation.transport import WireEvent
-from proxies.zenoh.configuration import ZenohOptions
-from proxies.zenoh.edge import ZenohEdge
-from runtime.client import Client, ClientPorts
-from runtime.clock import NodeClock
-from runtime.configuration.config import NodeConfig, SimulatedVehicleConfig, TrustConfig, WireConfig
+from dyknow.agents.actions import QUERIED, Action, Role
+from dyknow.agents.extensions import own_parts
+from dyknow.federation.members.command_centre import CommandCentre
+from dyknow.federation.messages.acts import Performative
+from dyknow.federation.messages.contents import Reason, read
+from dyknow.federation.security.trust import Roster, RosterMember, Signer, Trust
+from dyknow.federation.transport import WireEvent
+from dyknow.proxies.zenoh.configuration import ZenohOptions
+from dyknow.proxies.zenoh.edge import ZenohEdge
+from dyknow.runtime.client import Client, ClientPorts
+from dyknow.runtime.clock import NodeClock
+from dyknow.runtime.configuration.config import NodeConfig, SimulatedVehicleConfig, TrustConfig, WireConfig
 from tests.federation.expressions import parse_expr
 
 pytestmark = pytest.mark.live
@@ -73,7 +73,7 @@ class Members:
         )
         (directory / "0.json").write_text(config.model_dump_json())
         process = subprocess.Popen(
-            [sys.executable, "-m", "runtime.node", "--vehicles", "sim_uavs.simulated", "--config", str(directory / "0.json")],
+            [sys.executable, "-m", "dyknow.runtime.node", "--vehicles", "dyknow.sim_uavs.simulated", "--config", str(directory / "0.json")],
             stdin=subprocess.PIPE, stdout=subprocess.DEVNULL,
         )  # fmt: skip
         stack.callback(process.wait, 10)

@@ -11,10 +11,16 @@ from queue import Empty, SimpleQueue
 import pytest
 import zenoh
 
-from federation import keys
-from federation.security.tls import Paths, authority_certificate, platform_certificate, tls_key, zenoh_security_config
-from federation.security.trust import Roster, RosterMember
-from proxies.zenoh.configuration import ZenohOptions, zenoh_config
+from dyknow.federation import keys
+from dyknow.federation.security.tls import (
+    Paths,
+    authority_certificate,
+    platform_certificate,
+    tls_key,
+    zenoh_security_config,
+)
+from dyknow.federation.security.trust import Roster, RosterMember
+from dyknow.proxies.zenoh.configuration import ZenohOptions, zenoh_config
 
 pytestmark = pytest.mark.live
 PATIENCE_S = 20.0

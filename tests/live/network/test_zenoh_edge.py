@@ -11,9 +11,8 @@ from typing import TypeVar
 
 import pytest
 
-from dyknow.model.errors import SessionFailed
-from federation import keys
-from federation.transport import (
+from dyknow.federation import keys
+from dyknow.federation.transport import (
     Answer,
     Answered,
     AnswerEnd,
@@ -34,10 +33,11 @@ from federation.transport import (
     WatchTokens,
     WireEvent,
 )
-from proxies.zenoh import edge as zenoh_edge
-from proxies.zenoh.configuration import ZenohOptions
-from proxies.zenoh.edge import ZenohEdge
-from runtime.clock import NodeClock
+from dyknow.model.errors import SessionFailed
+from dyknow.proxies.zenoh import edge as zenoh_edge
+from dyknow.proxies.zenoh.configuration import ZenohOptions
+from dyknow.proxies.zenoh.edge import ZenohEdge
+from dyknow.runtime.clock import NodeClock
 
 pytestmark = pytest.mark.live
 PATIENCE_S = 15.0

@@ -4,12 +4,12 @@ import json
 import sys
 from queue import Empty
 
-from federation import keys
-from federation.transport import Arrived, DeclareToken, Put, Subscribe, TokenChanged, Urgency, WatchTokens
-from proxies.zenoh.configuration import ZenohOptions
-from proxies.zenoh.edge import ZenohEdge
-from runtime.clock import NodeClock
-from runtime.mailbox import Mailbox
+from dyknow.federation import keys
+from dyknow.federation.transport import Arrived, DeclareToken, Put, Subscribe, TokenChanged, Urgency, WatchTokens
+from dyknow.proxies.zenoh.configuration import ZenohOptions
+from dyknow.proxies.zenoh.edge import ZenohEdge
+from dyknow.runtime.clock import NodeClock
+from dyknow.runtime.mailbox import Mailbox
 
 PERIOD_US = 50_000
 

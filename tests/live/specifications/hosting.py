@@ -6,15 +6,15 @@ from collections.abc import Callable
 from pathlib import Path
 from typing import Any, NamedTuple
 
-from agents.effects import HostEffect
-from agents.hosts.host_desk import HostDesk
 from dyknow import Label, Network, Policy, Sample, Sort
-from federation.members.clock import FederationClock
-from kpl import Hooks, Instance, parse_specification
-from proxies.hosts.listener import HostDoor
-from runtime.clock import NodeClock
-from runtime.loop import step
-from runtime.mailbox import Mailbox
+from dyknow.agents.effects import HostEffect
+from dyknow.agents.hosts.host_desk import HostDesk
+from dyknow.federation.members.clock import FederationClock
+from dyknow.kpl import Hooks, Instance, parse_specification
+from dyknow.proxies.hosts.listener import HostDoor
+from dyknow.runtime.clock import NodeClock
+from dyknow.runtime.loop import step
+from dyknow.runtime.mailbox import Mailbox
 
 PATIENCE_S = 30.0
 PERIOD_US = 100_000
@@ -92,7 +92,7 @@ class Node:
             lambda linked: self.links.setdefault(label, []).append(linked),
         )  # fmt: skip
 
-    # As `runtime.loop` steps it
+    # As `dyknow.runtime.loop` steps it
 
     @property
     def deadline_us(self) -> int | None:

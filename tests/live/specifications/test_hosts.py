@@ -10,9 +10,9 @@ from typing import Any
 import pytest
 
 from dyknow import Sample
-from federation.hosts.codec import encode
-from federation.hosts.messages import Register, UnitOffer
-from proxies.hosts.connection import connect
+from dyknow.federation.hosts.codec import encode
+from dyknow.federation.hosts.messages import Register, UnitOffer
+from dyknow.proxies.hosts.connection import connect
 from tests.live.command_line.command import Dyknow, lines
 from tests.live.specifications.hosting import UNITS, Node
 
@@ -170,7 +170,7 @@ def test_a_sensor_may_be_waited_for_and_what_is_wrong_is_told_on_both_sides(dykn
         said = lines(host)
         next(said)
         spec = "compunit number length(line)\nstrmgen l = length(line[0])\nstream out = l\n"
-        from kpl import parse_specification
+        from dyknow.kpl import parse_specification
 
         node.instance.change(parse_specification(spec), node.clock.now_us(), spec)
         node.step_for(0.1)
@@ -283,7 +283,7 @@ def test_each_mistake_is_told_with_its_remedy(dyknow: Dyknow) -> None:
 
 def test_only_the_own_user_may_come_in(dyknow: Dyknow) -> None:
     from dyknow.model.errors import EndpointFailed
-    from proxies.hosts.connection import listen
+    from dyknow.proxies.hosts.connection import listen
 
     path = door(dyknow)
     listen(path).close()
@@ -300,7 +300,7 @@ def test_only_the_own_user_may_come_in(dyknow: Dyknow) -> None:
 
 
 def test_a_door_far_down_in_the_directories_opens(tmp_path: Path) -> None:
-    from proxies.hosts.connection import listen
+    from dyknow.proxies.hosts.connection import listen
 
     path = tmp_path.joinpath(*["d" * 60] * 3) / "0.hosts"
     with listen(path) as opened, connect(path) as client:

@@ -9,7 +9,7 @@ from contextlib import closing
 
 import pytest
 
-from navigation.vehicle import BatteryReport, Command, CommandResult, PositionReport, SetGuided
+from dyknow.navigation.vehicle import BatteryReport, Command, CommandResult, PositionReport, SetGuided
 from tests.live.vehicles.sitl import Sitl, absence
 from tests.live.vehicles.test_arducopter import free_port
 from tests.proxies.mavlink.test_heard import KEY, WITHIN_US, Joined

@@ -6,7 +6,7 @@ from pathlib import Path
 import pytest
 from pymavlink.dialects.v20 import ardupilotmega as mavlink
 
-from sim_uavs.autopilot.commands import FlightOrder
+from dyknow.sim_uavs.autopilot.commands import FlightOrder
 from tests.live.vehicles.sitl import Sitl, absence
 from tests.sim_uavs.boxes.flown import FlownBoxes
 

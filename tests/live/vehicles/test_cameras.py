@@ -7,9 +7,9 @@ from typing import Any
 
 import pytest
 
-from sim_uavs.dynamics.scenarios import scenario
-from sim_uavs.roads.shared import ROUND_US
-from sim_uavs.streets import traffic_of
+from dyknow.sim_uavs.dynamics.scenarios import scenario
+from dyknow.sim_uavs.roads.shared import ROUND_US
+from dyknow.sim_uavs.streets import traffic_of
 from tests.live.command_line.command import Dyknow, lines
 from tests.sim_uavs.monitoring.truth import Passage, chronicle_of, passages
 

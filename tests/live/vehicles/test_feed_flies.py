@@ -8,11 +8,11 @@ from typing import Self
 
 import pytest
 
-from federation.members.clock import FederationClock
-from navigation import faults
-from navigation.fusion import PositionFilter
-from navigation.geodesy import LocalFrame
-from navigation.vehicle import (
+from dyknow.federation.members.clock import FederationClock
+from dyknow.navigation import faults
+from dyknow.navigation.fusion import PositionFilter
+from dyknow.navigation.geodesy import LocalFrame
+from dyknow.navigation.vehicle import (
     Arm,
     Command,
     CommandResult,
@@ -29,10 +29,10 @@ from navigation.vehicle import (
     TakeOffOrder,
     TargetReport,
 )
-from proxies.mavlink.feed import MavlinkFeed
-from sim_uavs.autopilot.server import AutopilotServer
-from sim_uavs.dynamics.faults import parse_fault
-from sim_uavs.dynamics.settings import HomePlace, VehicleConfig
+from dyknow.proxies.mavlink.feed import MavlinkFeed
+from dyknow.sim_uavs.autopilot.server import AutopilotServer
+from dyknow.sim_uavs.dynamics.faults import parse_fault
+from dyknow.sim_uavs.dynamics.settings import HomePlace, VehicleConfig
 
 pytestmark = pytest.mark.live
 SPEED = 10.0

@@ -5,7 +5,7 @@ from typing import Any
 
 import pytest
 
-from navigation.geodesy import distance_m
+from dyknow.navigation.geodesy import distance_m
 from tests.live.command_line.command import Dyknow
 
 pytestmark = pytest.mark.live

@@ -8,9 +8,9 @@ from typing import Any
 import pytest
 from pymavlink import mavutil
 
-from runtime.configuration.local_endpoints import free_ports
-from sim_uavs.autopilot.server import AutopilotServer
-from sim_uavs.dynamics.settings import HomePlace, VehicleConfig
+from dyknow.runtime.configuration.local_endpoints import free_ports
+from dyknow.sim_uavs.autopilot.server import AutopilotServer
+from dyknow.sim_uavs.dynamics.settings import HomePlace, VehicleConfig
 from tests.live.command_line.command import Dyknow, lines
 from tests.proxies.vehicle import Wire
 

@@ -11,10 +11,10 @@ from pathlib import Path
 
 import pytest
 
-from federation.members.clock import FederationClock
-from sim_uavs.autopilot.server import AutopilotServer
-from sim_uavs.dynamics.faults import SimulatedFault
-from sim_uavs.dynamics.settings import HomePlace, VehicleConfig
+from dyknow.federation.members.clock import FederationClock
+from dyknow.sim_uavs.autopilot.server import AutopilotServer
+from dyknow.sim_uavs.dynamics.faults import SimulatedFault
+from dyknow.sim_uavs.dynamics.settings import HomePlace, VehicleConfig
 from tests.sim_uavs.truth import TrueMotion, true_motion_of
 
 pytestmark = pytest.mark.live

@@ -9,7 +9,7 @@ import pytest
 from pymavlink import mavutil
 from pymavlink.dialects.v20 import ardupilotmega as mavlink
 
-from sim_uavs.dynamics.settings import PersonaName
+from dyknow.sim_uavs.dynamics.settings import PersonaName
 from tests.live.command_line.command import Dyknow
 
 pytestmark = pytest.mark.live

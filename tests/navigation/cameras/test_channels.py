@@ -5,11 +5,11 @@ from math import pi, radians
 import numpy as np
 import pytest
 
-from navigation.cameras.channels import Detection, GroundDetection, fused, located
-from navigation.cameras.geolocation import USUAL_ERRORS
-from navigation.cameras.ground import FlatGround
-from navigation.cameras.pinhole import Attitude, CameraPose, Intrinsics, PanTilt, Pixel
-from navigation.cameras.state import CameraState
+from dyknow.navigation.cameras.channels import Detection, GroundDetection, fused, located
+from dyknow.navigation.cameras.geolocation import USUAL_ERRORS
+from dyknow.navigation.cameras.ground import FlatGround
+from dyknow.navigation.cameras.pinhole import Attitude, CameraPose, Intrinsics, PanTilt, Pixel
+from dyknow.navigation.cameras.state import CameraState
 
 CAMERAS = {
     "colour": Intrinsics.of_view(768, 576, radians(48.0)),

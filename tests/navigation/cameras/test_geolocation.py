@@ -8,9 +8,9 @@ from hypothesis import assume, given
 from hypothesis import strategies as st
 
 from dyknow.model.errors import DyknowError
-from navigation.cameras.geolocation import USUAL_ERRORS, GroundPoint, PoseErrors, geolocate
-from navigation.cameras.ground import ElevationGrid, FlatGround, GroundModel
-from navigation.cameras.pinhole import Attitude, CameraPose, Intrinsics, PanTilt, Pixel, aimed
+from dyknow.navigation.cameras.geolocation import USUAL_ERRORS, GroundPoint, PoseErrors, geolocate
+from dyknow.navigation.cameras.ground import ElevationGrid, FlatGround, GroundModel
+from dyknow.navigation.cameras.pinhole import Attitude, CameraPose, Intrinsics, PanTilt, Pixel, aimed
 
 CAMERA = Intrinsics.of_view(640, 480, radians(60.0))
 angles = st.floats(-0.4, 0.4)

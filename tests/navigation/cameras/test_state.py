@@ -3,11 +3,11 @@
 import numpy as np
 import pytest
 
-from navigation.cameras.pinhole import PanTilt
-from navigation.cameras.state import LONGEST_US, CameraStateEstimator
-from navigation.fusion import Estimate
-from navigation.geodesy import LocalFrame
-from navigation.vehicle import AttitudeReport
+from dyknow.navigation.cameras.pinhole import PanTilt
+from dyknow.navigation.cameras.state import LONGEST_US, CameraStateEstimator
+from dyknow.navigation.fusion import Estimate
+from dyknow.navigation.geodesy import LocalFrame
+from dyknow.navigation.vehicle import AttitudeReport
 
 FRAME = LocalFrame(58.4, 15.6, 0.0)
 

@@ -8,10 +8,10 @@ import pytest
 from hypothesis import given, settings
 from hypothesis import strategies as st
 
-from navigation.intents.candidates import PLANNED_STEPS, Yielding, plan, way_is_free
-from navigation.intents.intent import Contingency, IntendedPlace, Intent, IntentEnding, IntentSource, RightOfWay
-from navigation.intents.meeting import MINIMA, WIDER, clearance, closeness, first_meetings
-from navigation.intents.path import (
+from dyknow.navigation.intents.candidates import PLANNED_STEPS, Yielding, plan, way_is_free
+from dyknow.navigation.intents.intent import Contingency, IntendedPlace, Intent, IntentEnding, IntentSource, RightOfWay
+from dyknow.navigation.intents.meeting import MINIMA, WIDER, clearance, closeness, first_meetings
+from dyknow.navigation.intents.path import (
     STEP_S,
     STEPS,
     FlatMotion,

@@ -8,7 +8,7 @@ from hypothesis import given, settings
 from hypothesis import strategies as st
 
 from dyknow.model.errors import WrongCall
-from navigation.searching.landing import GROUNDS, Drop, landing
+from dyknow.navigation.searching.landing import GROUNDS, Drop, landing
 from tests.strategies import examples
 
 speeds = st.floats(-12.0, 12.0)

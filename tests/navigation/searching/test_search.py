@@ -9,9 +9,9 @@ from hypothesis import given, settings
 from hypothesis import strategies as st
 
 from dyknow.model.errors import WrongCall
-from navigation.searching.landing import Drop, Floats, LandingPrior, landing
-from navigation.searching.pattern import MOST_STOPS, expanding_square
-from navigation.searching.search import PlacedPercept, SightSearch
+from dyknow.navigation.searching.landing import Drop, Floats, LandingPrior, landing
+from dyknow.navigation.searching.pattern import MOST_STOPS, expanding_square
+from dyknow.navigation.searching.search import PlacedPercept, SightSearch
 from tests.strategies import examples
 
 deviations = st.floats(0.3, 25.0)

@@ -4,8 +4,8 @@ from collections.abc import Callable
 
 import numpy as np
 
-from navigation.geodesy import metres_per_degree
-from navigation.terrain.grid import HeightGrid
+from dyknow.navigation.geodesy import metres_per_degree
+from dyknow.navigation.terrain.grid import HeightGrid
 
 SECOND_DEG = 1 / 3600.0
 Surface = Callable[[np.ndarray, np.ndarray], np.ndarray]

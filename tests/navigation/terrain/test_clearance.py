@@ -6,10 +6,10 @@ import numpy as np
 from hypothesis import given
 from hypothesis import strategies as st
 
-from navigation.geodesy import metres_per_degree
-from navigation.terrain.clearance import HOVERS_M, STOPS_M, AerialPlace, judge_way
-from navigation.terrain.elevation import NEAR_M, Elevation
-from navigation.terrain.grid import HeightGrid
+from dyknow.navigation.geodesy import metres_per_degree
+from dyknow.navigation.terrain.clearance import HOVERS_M, STOPS_M, AerialPlace, judge_way
+from dyknow.navigation.terrain.elevation import NEAR_M, Elevation
+from dyknow.navigation.terrain.grid import HeightGrid
 from tests.navigation.terrain.ground import SECOND_DEG, densest_m, grid_of, ridge
 
 FLOOR_M = 10.0
@@ -105,7 +105,7 @@ def test_unknown_ground_refuses_nothing_and_is_named() -> None:
 
 
 def test_fine_grids_keep_their_highest_posts() -> None:
-    from navigation.terrain.ascii_grid import _coarser
+    from dyknow.navigation.terrain.ascii_grid import _coarser
 
     random = np.random.default_rng(3)
     fine = grid_of(lambda latitudes, _: random.uniform(0.0, 50.0, latitudes.shape), posts=211, step_deg=SECOND_DEG / 17)

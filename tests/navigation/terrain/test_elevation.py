@@ -7,10 +7,10 @@ import pytest
 from hypothesis import given
 from hypothesis import strategies as st
 
-from navigation.geodesy import metres_per_degree
-from navigation.terrain.elevation import NEAR_M, Elevation
-from navigation.terrain.grid import VOID, HeightGrid
-from navigation.terrain.tiles import read_tile
+from dyknow.navigation.geodesy import metres_per_degree
+from dyknow.navigation.terrain.elevation import NEAR_M, Elevation
+from dyknow.navigation.terrain.grid import VOID, HeightGrid
+from dyknow.navigation.terrain.tiles import read_tile
 from tests.navigation.terrain.ground import SECOND_DEG, densest_m, grid_of, tile_bytes
 
 SLOPES = st.floats(-2000.0, 2000.0)

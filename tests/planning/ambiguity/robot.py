@@ -8,12 +8,12 @@ from collections.abc import Mapping
 from dataclasses import dataclass, field
 from random import Random
 
-from anchoring.matching.candidates import ObservedProperty, PerceptProperties
-from anchoring.matching.descriptions import AllowedPlace, AllowedValues, ObjectDescription
-from anchoring.matching.situations import MatchingOptions
-from planning.ambiguity.anchoring_recovery import AnchoringRecovery, RecoveryLimits, RecoveryPhase
-from planning.ambiguity.hypotheses import LookingKnowledge
-from planning.ambiguity.recovery_messages import (
+from dyknow.anchoring.matching.candidates import ObservedProperty, PerceptProperties
+from dyknow.anchoring.matching.descriptions import AllowedPlace, AllowedValues, ObjectDescription
+from dyknow.anchoring.matching.situations import MatchingOptions
+from dyknow.planning.ambiguity.anchoring_recovery import AnchoringRecovery, RecoveryLimits, RecoveryPhase
+from dyknow.planning.ambiguity.hypotheses import LookingKnowledge
+from dyknow.planning.ambiguity.recovery_messages import (
     DelegatorAsked,
     FeatureObserved,
     FindRequested,
@@ -27,7 +27,7 @@ from planning.ambiguity.recovery_messages import (
     TopPlanHalted,
     TopPlanResumed,
 )
-from planning.contingent.conditional_plans import figures_of, print_plan
+from dyknow.planning.contingent.conditional_plans import figures_of, print_plan
 
 ROOM = ("r1_1", "r1_2", "r1_3", "r1_4")
 WAYS = {place: [to for to in ROOM if to != place] for place in ROOM}

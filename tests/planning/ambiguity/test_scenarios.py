@@ -4,13 +4,13 @@ from dataclasses import replace
 
 import pytest
 
-from anchoring.matching.candidates import CandidateMatch
-from anchoring.matching.descriptions import AllowedPlace
-from anchoring.matching.situations import MatchingOptions
-from kpl.syntax.grammar import parse_tree
-from planning.ambiguity.anchoring_recovery import AnchoringRecovery, RecoveryLimits
-from planning.ambiguity.hypotheses import LookingKnowledge
-from planning.ambiguity.recovery_messages import (
+from dyknow.anchoring.matching.candidates import CandidateMatch
+from dyknow.anchoring.matching.descriptions import AllowedPlace
+from dyknow.anchoring.matching.situations import MatchingOptions
+from dyknow.kpl.syntax.grammar import parse_tree
+from dyknow.planning.ambiguity.anchoring_recovery import AnchoringRecovery, RecoveryLimits
+from dyknow.planning.ambiguity.hypotheses import LookingKnowledge
+from dyknow.planning.ambiguity.recovery_messages import (
     FeatureObserved,
     FindRequested,
     PerceptsSeen,

@@ -5,9 +5,16 @@ from typing import Any
 
 import pytest
 
-from planning.contingent.conditional_plans import dot_lines, figures_of, lines, plan_record, print_plan, tree_lines
-from planning.contingent.files import read_recovery, recovery_record
-from planning.contingent.recovery_planning import NoRecoveryPlan, RecoveryPlan, plan_recovery
+from dyknow.planning.contingent.conditional_plans import (
+    dot_lines,
+    figures_of,
+    lines,
+    plan_record,
+    print_plan,
+    tree_lines,
+)
+from dyknow.planning.contingent.files import read_recovery, recovery_record
+from dyknow.planning.contingent.recovery_planning import NoRecoveryPlan, RecoveryPlan, plan_recovery
 from tests.planning.contingent.dynamic_programming import Oracle, generated
 from tests.planning.contingent.reading_plans import carried_out, read
 

@@ -6,10 +6,10 @@ from typing import Any
 import pytest
 
 from dyknow.model.errors import TextError
-from planning.contingent.conditional_plans import figures_of, lines, print_plan
-from planning.epistemic.actions import outcomes, reaches
-from planning.epistemic.epistemic_search import EpistemicPlan, plan_epistemic
-from planning.epistemic.reading import read_epistemic
+from dyknow.planning.contingent.conditional_plans import figures_of, lines, print_plan
+from dyknow.planning.epistemic.actions import outcomes, reaches
+from dyknow.planning.epistemic.epistemic_search import EpistemicPlan, plan_epistemic
+from dyknow.planning.epistemic.reading import read_epistemic
 from tests.planning.contingent.dynamic_programming import Oracle, generated
 from tests.planning.contingent.test_recovery_plans import PAPER
 

@@ -6,11 +6,11 @@ from typing import Any
 import pytest
 
 from dyknow.model.errors import TextError
-from planning.contingent.conditional_plans import ConditionalPlan
-from planning.contingent.files import read_recovery
-from planning.contingent.recovery_planning import RecoveryPlan, plan_recovery
-from planning.contingent.sensing_problems import LookErrors
-from planning.epistemic.noisy_looks import NoisyPlan, plan_noisy
+from dyknow.planning.contingent.conditional_plans import ConditionalPlan
+from dyknow.planning.contingent.files import read_recovery
+from dyknow.planning.contingent.recovery_planning import RecoveryPlan, plan_recovery
+from dyknow.planning.contingent.sensing_problems import LookErrors
+from dyknow.planning.epistemic.noisy_looks import NoisyPlan, plan_noisy
 from tests.planning.contingent.dynamic_programming import generated
 from tests.planning.contingent.test_recovery_plans import ONE_BOTTLE
 

@@ -2,8 +2,8 @@
 
 from pathlib import Path
 
-from planning import Declarations, MissionPlan, PlanFound, find_plan, parse_domain, parse_problem
-from planning.execution.generation import PlanMonitor, plan_monitors
+from dyknow.planning import Declarations, MissionPlan, PlanFound, find_plan, parse_domain, parse_problem
+from dyknow.planning.execution.generation import PlanMonitor, plan_monitors
 
 FOLDER = Path(__file__).parents[3] / "examples/planning"
 DOMAIN = (FOLDER / "crane.dom").read_text(encoding="utf-8")

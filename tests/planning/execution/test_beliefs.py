@@ -1,9 +1,9 @@
 """What a mission holds for true: effects by the state they begin in, features that are sensed, and what was assumed."""
 
-from planning import PlanFound, find_plan, parse_domain, parse_problem
-from planning.execution.beliefs import Beliefs
-from planning.execution.generation import plan_monitors
-from planning.execution.timeline import Schemas, expected_actions
+from dyknow.planning import PlanFound, find_plan, parse_domain, parse_problem
+from dyknow.planning.execution.beliefs import Beliefs
+from dyknow.planning.execution.generation import plan_monitors
+from dyknow.planning.execution.timeline import Schemas, expected_actions
 from tests.planning.logistics import FOLDER, domain
 
 GAUGE = """

@@ -4,11 +4,11 @@ from typing import Any
 
 import pytest
 
-from kpl.syntax.parsing import parse_formula
-from planning import parse_domain, parse_problem
-from planning.execution.generation import plan_monitors
-from planning.execution.hints import monitor_hints
-from reasoning import make_progression
+from dyknow.kpl.syntax.parsing import parse_formula
+from dyknow.planning import parse_domain, parse_problem
+from dyknow.planning.execution.generation import plan_monitors
+from dyknow.planning.execution.hints import monitor_hints
+from dyknow.reasoning import make_progression
 from tests.planning.execution.crane import planned
 
 DOMAIN = """

@@ -6,10 +6,10 @@ import pytest
 from hypothesis import given
 from hypothesis import strategies as st
 
-from kpl.syntax.parsing import parse_formula
-from planning import parse_domain
-from planning.execution.generation import plan_monitors, unmonitored
-from reasoning import make_progression
+from dyknow.kpl.syntax.parsing import parse_formula
+from dyknow.planning import parse_domain
+from dyknow.planning.execution.generation import plan_monitors, unmonitored
+from dyknow.reasoning import make_progression
 from tests.planning.execution.crane import DOMAIN, domain, monitors, planned
 from tests.planning.logistics import domain as logistics
 from tests.planning.logistics import found, problem

@@ -3,10 +3,10 @@
 from itertools import count
 from typing import Any
 
-from planning import Declarations, PlanFound, find_plan, parse_domain, parse_problem
-from planning.execution import events
-from planning.recovery.mission import Mission
-from planning.recovery.options import MissionOptions
+from dyknow.planning import Declarations, PlanFound, find_plan, parse_domain, parse_problem
+from dyknow.planning.execution import events
+from dyknow.planning.recovery.mission import Mission
+from dyknow.planning.recovery.options import MissionOptions
 
 SECOND = 1_000_000
 COURIERS = """

@@ -13,10 +13,10 @@ from math import hypot
 from typing import Any
 
 from dyknow.model.values import NO_VALUE
-from planning import Declarations, PlanFound, find_plan, parse_problem
-from planning.execution import events
-from planning.recovery.mission import Mission
-from planning.recovery.options import MissionOptions
+from dyknow.planning import Declarations, PlanFound, find_plan, parse_problem
+from dyknow.planning.execution import events
+from dyknow.planning.recovery.mission import Mission
+from dyknow.planning.recovery.options import MissionOptions
 from tests.planning.logistics import domain
 
 PERIOD_US = 500_000

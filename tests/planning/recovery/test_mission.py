@@ -8,8 +8,8 @@ from hypothesis import given, settings
 from hypothesis import strategies as st
 
 from dyknow.model.values import NO_VALUE
-from planning.execution import events
-from planning.execution.beliefs import Beliefs
+from dyknow.planning.execution import events
+from dyknow.planning.execution.beliefs import Beliefs
 from tests.planning.recovery.driven import COURIERS, GOALS, OBJECTS, SECOND, Driven
 
 ALONE = "#objects courier = {k1} #objects letter = {l1} #init place(l1) := 1\n#goal one: done(l1)"

@@ -4,7 +4,7 @@ import os
 
 import pytest
 
-from planning.execution import events
+from dyknow.planning.execution import events
 from tests.planning.recovery.simulated import FAULTS, PERIOD_US, Flown, fly
 
 WHOLE = os.environ.get("DYKNOW_FULL") == "1"

@@ -6,9 +6,9 @@ from pathlib import Path
 import pytest
 
 from dyknow.model.errors import TextError, WrongCall
-from planning import Declarations, parse_domain, parse_problem
-from planning.symbolic.exporting import to_unified
-from planning.symbolic.importing import read_pddl
+from dyknow.planning import Declarations, parse_domain, parse_problem
+from dyknow.planning.symbolic.exporting import to_unified
+from dyknow.planning.symbolic.importing import read_pddl
 from tests.planning.flights import MAP, TRUCKS
 from tests.planning.logistics import domain, found, problem
 from tests.planning.replay import replayed

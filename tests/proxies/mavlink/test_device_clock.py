@@ -5,7 +5,7 @@ import pytest
 from hypothesis import given
 from hypothesis import strategies as st
 
-from proxies.mavlink.device_clock import DeviceClock
+from dyknow.proxies.mavlink.device_clock import DeviceClock
 
 BOOTED_US = 1_700_000_000_000_000
 DELAYS = st.lists(st.integers(1_000, 400_000), min_size=30, max_size=120)

@@ -3,10 +3,10 @@
 import pytest
 from pymavlink.dialects.v20 import ardupilotmega as mavlink
 
-from navigation.cruise import CruiseReport
-from navigation.vehicle import FailsafeReport, LinkLossAction
-from proxies.mavlink.reports import VehicleReports
-from sim_uavs.dynamics.settings import PersonaName
+from dyknow.navigation.cruise import CruiseReport
+from dyknow.navigation.vehicle import FailsafeReport, LinkLossAction
+from dyknow.proxies.mavlink.reports import VehicleReports
+from dyknow.sim_uavs.dynamics.settings import PersonaName
 from tests.proxies.mavlink.test_reports import heartbeat
 from tests.sim_uavs.piloted import Piloted
 

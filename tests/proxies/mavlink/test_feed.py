@@ -9,7 +9,7 @@ import pytest
 from pymavlink.dialects.v20 import ardupilotmega as mavlink
 
 from dyknow.model.errors import EndpointFailed, TextError
-from navigation.vehicle import (
+from dyknow.navigation.vehicle import (
     Arm,
     BatteryReport,
     Command,
@@ -23,9 +23,9 @@ from navigation.vehicle import (
     TakeOffOrder,
     VelocityReport,
 )
-from proxies.mavlink.endpoints import parse_endpoint
-from proxies.mavlink.feed import MavlinkFeed
-from proxies.mavlink.port import MavlinkPort
+from dyknow.proxies.mavlink.endpoints import parse_endpoint
+from dyknow.proxies.mavlink.feed import MavlinkFeed
+from dyknow.proxies.mavlink.port import MavlinkPort
 from tests.proxies.vehicle import Wire, heartbeat, position, unknown_frame
 
 KEY = bytes(range(32))

@@ -5,9 +5,9 @@ from typing import Any
 import pytest
 from pymavlink.dialects.v20 import ardupilotmega as mavlink
 
-from navigation.fences import FenceArea, FenceKind
-from proxies.mavlink.lists.fence_list import MOST_CORNERS, FenceItem, FenceList, read_areas
-from proxies.mavlink.ways import OURSELVES, Target
+from dyknow.navigation.fences import FenceArea, FenceKind
+from dyknow.proxies.mavlink.lists.fence_list import MOST_CORNERS, FenceItem, FenceList, read_areas
+from dyknow.proxies.mavlink.ways import OURSELVES, Target
 
 VEHICLE, FENCE = Target(1, 1), mavlink.MAV_MISSION_TYPE_FENCE
 IN, OUT, CIRCLE_IN, CIRCLE_OUT = 5001, 5002, 5003, 5004

@@ -8,7 +8,7 @@ from hypothesis import given
 from hypothesis import strategies as st
 from pymavlink.dialects.v20 import ardupilotmega as mavlink
 
-from proxies.mavlink.frames import WANTED, Cutter, decoded
+from dyknow.proxies.mavlink.frames import WANTED, Cutter, decoded
 from tests.proxies.vehicle import heartbeat, position, unknown_frame
 
 KEY = bytes(range(32))

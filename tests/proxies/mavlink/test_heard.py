@@ -12,9 +12,9 @@ from typing import Any
 import pytest
 from pymavlink.dialects.v20 import ardupilotmega as mavlink
 
-from navigation.vehicle import LinkReport, PositionReport, Report
-from proxies.mavlink.feed import MavlinkFeed
-from proxies.mavlink.port import MavlinkPort
+from dyknow.navigation.vehicle import LinkReport, PositionReport, Report
+from dyknow.proxies.mavlink.feed import MavlinkFeed
+from dyknow.proxies.mavlink.port import MavlinkPort
 from tests.proxies.vehicle import Wire, heartbeat, position
 
 KEY = bytes(range(32))
@@ -244,9 +244,9 @@ def test_why_no_vehicle_is_heard_is_reported_in_time(stack) -> None:
 
 def test_a_vehicle_that_comes_and_goes_is_reported_a_few_times_only(stack) -> None:
     """Monotonic time is an argument of the condition: a minute of a bad link is played at once."""
-    from proxies.mavlink.condition import VehicleCondition
-    from proxies.mavlink.reports import VehicleReports
-    from proxies.mavlink.requests import Requests
+    from dyknow.proxies.mavlink.condition import VehicleCondition
+    from dyknow.proxies.mavlink.reports import VehicleReports
+    from dyknow.proxies.mavlink.requests import Requests
 
     port = stack.enter_context(closing(Joined("udpin:127.0.0.1:0", 1))).feed.port
     condition, known, requests = VehicleCondition(port.hearing, 1, 1), VehicleReports(), Requests()

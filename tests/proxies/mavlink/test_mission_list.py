@@ -5,13 +5,13 @@ from typing import Any
 import pytest
 from pymavlink.dialects.v20 import ardupilotmega as mavlink
 
-from navigation.mission_plans import MOST_MISSION_ITEMS, MissionItem, MissionPlanReport, MissionStep
-from navigation.vehicle import Report
-from proxies.mavlink.lists.item_list import ListItem
-from proxies.mavlink.lists.mission_list import read_mission
-from proxies.mavlink.lists.vehicle_lists import VehicleLists
-from proxies.mavlink.reports import VehicleReports
-from proxies.mavlink.ways import OURSELVES, Target
+from dyknow.navigation.mission_plans import MOST_MISSION_ITEMS, MissionItem, MissionPlanReport, MissionStep
+from dyknow.navigation.vehicle import Report
+from dyknow.proxies.mavlink.lists.item_list import ListItem
+from dyknow.proxies.mavlink.lists.mission_list import read_mission
+from dyknow.proxies.mavlink.lists.vehicle_lists import VehicleLists
+from dyknow.proxies.mavlink.reports import VehicleReports
+from dyknow.proxies.mavlink.ways import OURSELVES, Target
 
 VEHICLE, MISSION, FENCE = Target(1, 1), mavlink.MAV_MISSION_TYPE_MISSION, mavlink.MAV_MISSION_TYPE_FENCE
 ABOVE_SEA, ABOVE_HOME, ABOVE_TERRAIN = 0, 6, 11

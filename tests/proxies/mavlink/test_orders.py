@@ -4,7 +4,7 @@ import pytest
 from pymavlink.dialects.v20 import ardupilotmega as mavlink
 
 from dyknow.model.errors import Refused
-from navigation.vehicle import (
+from dyknow.navigation.vehicle import (
     OVERTAKEN,
     UNCONFIRMED,
     Arm,
@@ -20,9 +20,9 @@ from navigation.vehicle import (
     TakeOffOrder,
     stopping_distance_m,
 )
-from proxies.mavlink.orders import ATTEMPTS, RETRY_US, Errands
-from proxies.mavlink.reports import VehicleReports
-from proxies.mavlink.ways import OURSELVES, Target, ways_of
+from dyknow.proxies.mavlink.orders import ATTEMPTS, RETRY_US, Errands
+from dyknow.proxies.mavlink.reports import VehicleReports
+from dyknow.proxies.mavlink.ways import OURSELVES, Target, ways_of
 from tests.proxies.vehicle import heartbeat, position
 
 TARGET = Target(5, 1)

@@ -6,7 +6,7 @@ from hypothesis import given, settings
 from hypothesis import strategies as st
 from pymavlink.dialects.v20 import ardupilotmega as mavlink
 
-from navigation.vehicle import (
+from dyknow.navigation.vehicle import (
     AccelerationReport,
     AttitudeReport,
     BatteryReport,
@@ -20,8 +20,8 @@ from navigation.vehicle import (
     VelocityReport,
     WinchReport,
 )
-from proxies.mavlink.frames import WANTED, decoded, frame_at
-from proxies.mavlink.reports import VehicleReports, device_us, flight_mode, is_autopilot
+from dyknow.proxies.mavlink.frames import WANTED, decoded, frame_at
+from dyknow.proxies.mavlink.reports import VehicleReports, device_us, flight_mode, is_autopilot
 from tests.proxies.vehicle import heartbeat, position
 from tests.strategies import examples
 

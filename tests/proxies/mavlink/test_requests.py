@@ -4,8 +4,8 @@ from typing import Any
 
 from pymavlink.dialects.v20 import ardupilotmega as mavlink
 
-from proxies.mavlink.requests import Requests
-from proxies.mavlink.ways import Target
+from dyknow.proxies.mavlink.requests import Requests
+from dyknow.proxies.mavlink.ways import Target
 
 TARGET = Target(1, 1)
 INTERVAL, HOME, OLD_HOME = (

@@ -6,8 +6,8 @@ from pathlib import Path
 import pytest
 
 from dyknow.model.errors import WrongCall
-from proxies.mavlink.endpoints import parse_endpoint
-from proxies.mavlink.signing import insist_on_key, read_key
+from dyknow.proxies.mavlink.endpoints import parse_endpoint
+from dyknow.proxies.mavlink.signing import insist_on_key, read_key
 
 KEY = bytes(range(32))
 

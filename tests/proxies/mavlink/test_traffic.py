@@ -8,12 +8,12 @@ from typing import Any
 import pytest
 from pymavlink.dialects.v20 import ardupilotmega as mavlink
 
-from navigation.heard_aircraft import HeardAircraft
-from navigation.traffic import MOST_AIRCRAFT
-from navigation.vehicle import PositionReport, Report, TrafficReport
-from proxies.mavlink.feed import MavlinkFeed
-from proxies.mavlink.traffic import TrafficHearing
-from proxies.outward.remote_id import RemoteIdMessages, RemoteIdState
+from dyknow.navigation.heard_aircraft import HeardAircraft
+from dyknow.navigation.traffic import MOST_AIRCRAFT
+from dyknow.navigation.vehicle import PositionReport, Report, TrafficReport
+from dyknow.proxies.mavlink.feed import MavlinkFeed
+from dyknow.proxies.mavlink.traffic import TrafficHearing
+from dyknow.proxies.outward.remote_id import RemoteIdMessages, RemoteIdState
 from tests.proxies.vehicle import Wire, heartbeat, position
 
 ALL = 1 | 2 | 4 | 8 | 16 | 128

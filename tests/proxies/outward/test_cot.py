@@ -8,7 +8,7 @@ from xml.dom.minidom import parseString
 from hypothesis import given
 from hypothesis import strategies as st
 
-from proxies.outward.cot import ALARM, LONGEST_NAME, UAV, UNKNOWN_GROUND, CotMotion, CotPoint, cot_event
+from dyknow.proxies.outward.cot import ALARM, LONGEST_NAME, UAV, UNKNOWN_GROUND, CotMotion, CotPoint, cot_event
 
 AT_US = 1_795_461_223_065_000
 TIME = re.compile(r"\d{4}-\d\d-\d\dT\d\d:\d\d:\d\d\.\d{3}Z")

@@ -11,12 +11,12 @@ import pytest
 from pymavlink import mavutil
 from pymavlink.dialects.v20 import ardupilotmega as mavlink
 
-from navigation.vehicle import Report, StationReport
-from proxies.mavlink.feed import MavlinkFeed
-from proxies.mavlink.frames import Cutter
-from proxies.mavlink.port import MavlinkPort
-from proxies.outward.forwarding import MOST_BACK_PER_S, Forwarder, command_in
-from proxies.outward.outlets import Destination
+from dyknow.navigation.vehicle import Report, StationReport
+from dyknow.proxies.mavlink.feed import MavlinkFeed
+from dyknow.proxies.mavlink.frames import Cutter
+from dyknow.proxies.mavlink.port import MavlinkPort
+from dyknow.proxies.outward.forwarding import MOST_BACK_PER_S, Forwarder, command_in
+from dyknow.proxies.outward.outlets import Destination
 from tests.proxies.vehicle import Wire, heartbeat, position
 
 PATIENCE_S = 10.0

@@ -7,7 +7,7 @@ from contextlib import suppress
 
 import pytest
 
-from proxies.outward.gate import MOST_CLIENTS, PageDoor
+from dyknow.proxies.outward.gate import MOST_CLIENTS, PageDoor
 
 ANSWER = b"HTTP/1.1 101 Switching\r\n\r\n"
 

@@ -6,7 +6,7 @@ import time
 import pytest
 
 from dyknow.model.errors import TextError, WrongCall
-from proxies.outward.outlets import AGAIN_US, MOST_PER_S, MOST_WAITING, Destination, Outlet, parse_destination
+from dyknow.proxies.outward.outlets import AGAIN_US, MOST_PER_S, MOST_WAITING, Destination, Outlet, parse_destination
 
 S = 1_000_000
 

@@ -9,7 +9,7 @@ from hypothesis import strategies as st
 from pymavlink.dialects.v20 import ardupilotmega as mavlink
 
 from dyknow.model.errors import WrongCall
-from proxies.outward.remote_id import RemoteIdMessages, RemoteIdState, check_serial
+from dyknow.proxies.outward.remote_id import RemoteIdMessages, RemoteIdState, check_serial
 
 AT_US = 1_795_461_223_065_000
 STATE = RemoteIdState(

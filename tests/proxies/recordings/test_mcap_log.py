@@ -2,13 +2,13 @@ from pathlib import Path
 
 import pytest
 
-from agents.effects import LeaveRequested, Reported
+from dyknow.agents.effects import LeaveRequested, Reported
 from dyknow.model.errors import DecodeError
-from navigation.vehicle import BatteryReport, CommandResult, HomeReport, PositionReport, Report
-from proxies.recordings.formats import open_recording
-from proxies.recordings.journal_file import CLOCK_EPOCH, CLOCK_SPEED
-from proxies.recordings.replay import schedule
-from runtime.journal.journal import Journal
+from dyknow.navigation.vehicle import BatteryReport, CommandResult, HomeReport, PositionReport, Report
+from dyknow.proxies.recordings.formats import open_recording
+from dyknow.proxies.recordings.journal_file import CLOCK_EPOCH, CLOCK_SPEED
+from dyknow.proxies.recordings.replay import schedule
+from dyknow.runtime.journal.journal import Journal
 
 START_US = 1_700_000_000_000_000
 S = 1_000_000

@@ -10,10 +10,17 @@ from hypothesis import example, given, settings
 from hypothesis import strategies as st
 
 from dyknow.model.errors import DecodeError, TextError
-from navigation.vehicle import AccelerationReport, AttitudeReport, PositionReport, Report, StatusReport, VelocityReport
-from proxies.recordings.formats import open_recording
-from proxies.recordings.recording import Recording
-from proxies.recordings.replay import Replay, schedule
+from dyknow.navigation.vehicle import (
+    AccelerationReport,
+    AttitudeReport,
+    PositionReport,
+    Report,
+    StatusReport,
+    VelocityReport,
+)
+from dyknow.proxies.recordings.formats import open_recording
+from dyknow.proxies.recordings.recording import Recording
+from dyknow.proxies.recordings.replay import Replay, schedule
 from tests.proxies import logs
 from tests.strategies import examples
 

@@ -3,7 +3,7 @@ from hypothesis import given
 from hypothesis import strategies as st
 
 from dyknow.model.errors import NameRefused
-from proxies.zenoh.configuration import ZenohOptions, merged, multicast_port, zenoh_config
+from dyknow.proxies.zenoh.configuration import ZenohOptions, merged, multicast_port, zenoh_config
 
 
 def nowhere(interface: str) -> str:

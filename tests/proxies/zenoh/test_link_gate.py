@@ -12,11 +12,11 @@ from typing import Any, NamedTuple
 
 import pytest
 
-from federation.security.tls import LINKS, SESSIONS, authority_certificate, platform_certificate, tls_key
-from federation.security.trust import Roster, RosterMember
-from federation.transport import CertificateEnds, HandlerFailed, RosterKept, RosterRead
-from proxies.zenoh import link_gate
-from proxies.zenoh.link_gate import LinkGate
+from dyknow.federation.security.tls import LINKS, SESSIONS, authority_certificate, platform_certificate, tls_key
+from dyknow.federation.security.trust import Roster, RosterMember
+from dyknow.federation.transport import CertificateEnds, HandlerFailed, RosterKept, RosterRead
+from dyknow.proxies.zenoh import link_gate
+from dyknow.proxies.zenoh.link_gate import LinkGate
 
 NOW_US = 1_700_000_000_000_000
 DAY_US = 86_400_000_000

@@ -1,6 +1,6 @@
 from dataclasses import dataclass
 
-from proxies.zenoh.open_questions import LIMIT, PATIENCE_US, OpenAsks
+from dyknow.proxies.zenoh.open_questions import LIMIT, PATIENCE_US, OpenAsks
 
 
 @dataclass

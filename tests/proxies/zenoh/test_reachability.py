@@ -9,8 +9,8 @@ from threading import Thread
 
 import pytest
 
-from federation.security.tls import authority_certificate, platform_certificate, tls_key
-from proxies.zenoh.reachability import unreachable
+from dyknow.federation.security.tls import authority_certificate, platform_certificate, tls_key
+from dyknow.proxies.zenoh.reachability import unreachable
 
 
 @pytest.fixture

@@ -8,10 +8,10 @@ from pathlib import Path
 
 import pytest
 
-from federation.transport import Reopen, Subscribe
-from proxies.zenoh.configuration import ZenohOptions
-from proxies.zenoh.edge import ZenohEdge
-from proxies.zenoh.tcp_close import Closing
+from dyknow.federation.transport import Reopen, Subscribe
+from dyknow.proxies.zenoh.configuration import ZenohOptions
+from dyknow.proxies.zenoh.edge import ZenohEdge
+from dyknow.proxies.zenoh.tcp_close import Closing
 
 PATIENCE_S, PACE_S = 20.0, 0.05
 OPENED = Path("/dev/fd")

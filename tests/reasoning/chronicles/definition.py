@@ -6,8 +6,8 @@ from collections.abc import Iterator, Mapping
 from itertools import product
 from typing import Any, NamedTuple
 
-from reasoning.chronicles import MINUS_INFINITY
-from reasoning.chronicles.definition.model import (
+from dyknow.reasoning.chronicles import MINUS_INFINITY
+from dyknow.reasoning.chronicles.definition.model import (
     ChronicleVariable,
     Event,
     Inclusion,
@@ -17,7 +17,7 @@ from reasoning.chronicles.definition.model import (
     Occurs,
     Variables,
 )
-from reasoning.chronicles.definition.times import ConstraintUse, Distance, TimeOrder, TimePoint
+from dyknow.reasoning.chronicles.definition.times import ConstraintUse, Distance, TimeOrder, TimePoint
 from tests.reasoning.chronicles.truth import truth, variables_of
 
 

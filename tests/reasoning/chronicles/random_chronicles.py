@@ -2,9 +2,9 @@
 
 from random import Random
 
-from reasoning.chronicles import MINUS_INFINITY
-from reasoning.chronicles.definition.domains import Complement, NamedDomain, Symbols
-from reasoning.chronicles.definition.model import (
+from dyknow.reasoning.chronicles import MINUS_INFINITY
+from dyknow.reasoning.chronicles.definition.domains import Complement, NamedDomain, Symbols
+from dyknow.reasoning.chronicles.definition.model import (
     Attribute,
     Choice,
     Chronicle,
@@ -26,7 +26,7 @@ from reasoning.chronicles.definition.model import (
     Use,
     Variables,
 )
-from reasoning.chronicles.definition.times import (
+from dyknow.reasoning.chronicles.definition.times import (
     ZERO,
     ComplexConstraint,
     ConstraintUse,

@@ -4,7 +4,7 @@ import os
 from itertools import chain, combinations, product
 
 from dyknow.model.errors import ChronicleError
-from reasoning.chronicles import ChronicleVariable
+from dyknow.reasoning.chronicles import ChronicleVariable
 from tests.reasoning.chronicles.definition import Happening, Meaning, in_order
 from tests.reasoning.chronicles.random_chronicles import OBJECTS, VALUES, Maker
 from tests.reasoning.chronicles.test_definition import compare, told

@@ -6,7 +6,7 @@ from collections import Counter
 import pytest
 
 from dyknow.model.errors import ChronicleError
-from reasoning.chronicles import MINUS_INFINITY, Recogniser
+from dyknow.reasoning.chronicles import MINUS_INFINITY, Recogniser
 from tests.reasoning.chronicles.definition import Found, Meaning, recognised
 from tests.reasoning.chronicles.random_chronicles import Maker
 

@@ -4,8 +4,8 @@ import pytest
 
 from dyknow import Label
 from dyknow.model.errors import TextError
-from reasoning.chronicles import MINUS_INFINITY
-from reasoning.chronicles.recognition.events import RecordedEvent, read_events
+from dyknow.reasoning.chronicles import MINUS_INFINITY
+from dyknow.reasoning.chronicles.recognition.events import RecordedEvent, read_events
 
 
 def test_changes_messages_and_the_clock_are_read() -> None:

@@ -7,8 +7,8 @@ from pathlib import Path
 import pytest
 
 from bench.formulas.traffic import Change, changes, overtake, turns
-from kpl.syntax.chronicles import parse_chronicles
-from reasoning.chronicles import ChronicleFile, Recogniser
+from dyknow.kpl.syntax.chronicles import parse_chronicles
+from dyknow.reasoning.chronicles import ChronicleFile, Recogniser
 from tests.thesis.reasoning.test_chronicles import BEHIND_THEN_IN_FRONT, LEFT_TURN, PREDICTED
 
 CARS = 50

@@ -5,7 +5,13 @@ from hypothesis import given
 from hypothesis import strategies as st
 
 from dyknow.model.errors import ChronicleError
-from reasoning.chronicles.definition.network import UNBOUNDED, Difference, TemporalNetwork, chained, minimal_network
+from dyknow.reasoning.chronicles.definition.network import (
+    UNBOUNDED,
+    Difference,
+    TemporalNetwork,
+    chained,
+    minimal_network,
+)
 
 SIZE = 5
 INSTANTS = st.integers(0, SIZE - 1)

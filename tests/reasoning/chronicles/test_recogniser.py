@@ -11,9 +11,9 @@ from hypothesis import strategies as st
 
 from bench.formulas.traffic import Change, changes, overtake, turns
 from dyknow import NO_VALUE, Label
+from dyknow.kpl.syntax.chronicles import parse_chronicles
 from dyknow.model.errors import ChronicleError
-from kpl.syntax.chronicles import parse_chronicles
-from reasoning.chronicles import (
+from dyknow.reasoning.chronicles import (
     ChangeEvents,
     Chronicle,
     ChronicleFile,

@@ -1,6 +1,6 @@
 """Events that are remembered: keys by a part of their values."""
 
-from reasoning.chronicles.recognition.stores import Store
+from dyknow.reasoning.chronicles.recognition.stores import Store
 
 
 def test_an_index_of_the_same_places_is_kept_once_and_follows_what_is_remembered() -> None:

@@ -1,7 +1,7 @@
 """Constraints on variables and domains, read as thesis 8.3.1 and 8.3.5 say."""
 
-from reasoning.chronicles.definition.domains import Combination, Complement, NamedDomain, Symbols
-from reasoning.chronicles.definition.model import (
+from dyknow.reasoning.chronicles.definition.domains import Combination, Complement, NamedDomain, Symbols
+from dyknow.reasoning.chronicles.definition.model import (
     Choice,
     ChronicleVariable,
     Conjunction,

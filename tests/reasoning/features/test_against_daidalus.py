@@ -16,7 +16,7 @@ from pathlib import Path
 import numpy as np
 import pytest
 
-from reasoning.features.bands import (
+from dyknow.reasoning.features.bands import (
     Goal,
     Intruders,
     ValueRange,
@@ -25,8 +25,8 @@ from reasoning.features.bands import (
     track_bands,
     vertical_speed_bands,
 )
-from reasoning.features.well_clear import Thresholds, is_well_clear, time_to_violation_s, violation_interval
-from reasoning.features.well_clear_arrays import are_well_clear, times_to_violation_s, violation_intervals
+from dyknow.reasoning.features.well_clear import Thresholds, is_well_clear, time_to_violation_s, violation_interval
+from dyknow.reasoning.features.well_clear_arrays import are_well_clear, times_to_violation_s, violation_intervals
 
 KEPT = dict(np.load(Path(__file__).with_name("daidalus.npz")))
 STATES = KEPT["states"] / 1000.0

@@ -5,8 +5,16 @@ from hypothesis import given, settings
 from hypothesis import strategies as st
 
 from dyknow import NO_VALUE
-from kpl import profile_formula, read_formula, unit_vocabulary
-from reasoning import Derivation, Monitor, builtin_profiles, clearance, instantiate, required_labels, split_growing
+from dyknow.kpl import profile_formula, read_formula, unit_vocabulary
+from dyknow.reasoning import (
+    Derivation,
+    Monitor,
+    builtin_profiles,
+    clearance,
+    instantiate,
+    required_labels,
+    split_growing,
+)
 from tests.strategies import examples
 
 SPLIT = {name: split_growing(profile_formula(each, "0")) for name, each in builtin_profiles().items()}

@@ -4,8 +4,8 @@ import pytest
 
 from dyknow.model.errors import UnknownLabel
 from dyknow.model.values import NO_VALUE
-from reasoning import FEATURES, Derivation, FeatureInput, needed_labels
-from reasoning.features.well_clear import Thresholds
+from dyknow.reasoning import FEATURES, Derivation, FeatureInput, needed_labels
+from dyknow.reasoning.features.well_clear import Thresholds
 
 HERE, THERE = (58.4, 15.67), (58.4009, 15.67)  # 100 m north
 WORLD = {

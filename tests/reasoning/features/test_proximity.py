@@ -4,8 +4,8 @@ import pytest
 from hypothesis import given
 from hypothesis import strategies as st
 
-from reasoning import Approach, closest_approach, fence_margin_m, offset_m
-from reasoning.features.proximity import horizontal_miss_m
+from dyknow.reasoning import Approach, closest_approach, fence_margin_m, offset_m
+from dyknow.reasoning.features.proximity import horizontal_miss_m
 
 LATITUDES = st.floats(-60, 60)
 OFFSETS = st.floats(-0.006, 0.006)

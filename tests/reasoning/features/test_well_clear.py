@@ -4,8 +4,8 @@ import numpy as np
 from hypothesis import assume, given, settings
 from hypothesis import strategies as st
 
-from reasoning.features.bands import Goal, Intruders, ValueRange, altitude_bands, speed_bands, track_bands
-from reasoning.features.well_clear import (
+from dyknow.reasoning.features.bands import Goal, Intruders, ValueRange, altitude_bands, speed_bands, track_bands
+from dyknow.reasoning.features.well_clear import (
     AMONG_SMALL,
     FROM_CREWED,
     Thresholds,
@@ -13,7 +13,7 @@ from reasoning.features.well_clear import (
     time_to_violation_s,
     violation_interval,
 )
-from reasoning.features.well_clear_arrays import are_well_clear, times_to_violation_s, violation_intervals
+from dyknow.reasoning.features.well_clear_arrays import are_well_clear, times_to_violation_s, violation_intervals
 from tests.strategies import examples
 
 PLACES = st.tuples(st.floats(-200, 200), st.floats(-200, 200), st.floats(-40, 40))

@@ -1,12 +1,11 @@
 import pytest
 from hypothesis import given
 
-import reasoning
-from dyknow import Label
+from dyknow import Label, reasoning
+from dyknow.kpl import parse_formula, print_formula
 from dyknow.model.errors import TextError, UnknownLabel
-from kpl import parse_formula, print_formula
-from reasoning import domain_members, instantiate, label_text, required_labels, split_growing
-from reasoning.formulas.tree import Domain, Forall, is_temporal, walk
+from dyknow.reasoning import domain_members, instantiate, label_text, required_labels, split_growing
+from dyknow.reasoning.formulas.tree import Domain, Forall, is_temporal, walk
 from tests.reasoning.oracle import put
 from tests.reasoning.strategies import bodies
 

@@ -4,10 +4,10 @@ import pytest
 from hypothesis import HealthCheck, given, settings
 from hypothesis import strategies as st
 
+from dyknow.kpl import read_formula
 from dyknow.model.errors import TextError
-from kpl import read_formula
-from reasoning import Margins, make_progression
-from reasoning.formulas.tree import Always, Eventually, Until
+from dyknow.reasoning import Margins, make_progression
+from dyknow.reasoning.formulas.tree import Always, Eventually, Until
 from tests.reasoning.strategies import UNIT_US, comparisons, connectives, intervals, propositions, traces
 from tests.strategies import examples
 

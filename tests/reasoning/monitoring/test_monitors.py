@@ -3,8 +3,8 @@ from hypothesis import HealthCheck, given, settings
 from hypothesis import strategies as st
 
 from dyknow.model.values import NO_VALUE
-from reasoning import Monitor, make_progression
-from reasoning.formulas.tree import (
+from dyknow.reasoning import Monitor, make_progression
+from dyknow.reasoning.formulas.tree import (
     LIMIT_NODES,
     Always,
     And,

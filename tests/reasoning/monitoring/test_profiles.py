@@ -1,9 +1,17 @@
 import pytest
 
+from dyknow.kpl import print_formula, profile_formula, read_formula, unit_vocabulary
 from dyknow.model.errors import TextError
-from kpl import print_formula, profile_formula, read_formula, unit_vocabulary
-from reasoning import Derivation, Monitor, builtin_profiles, instantiate, parse_profiles, required_labels, split_growing
-from reasoning.monitoring.profiles import AIRCRAFT
+from dyknow.reasoning import (
+    Derivation,
+    Monitor,
+    builtin_profiles,
+    instantiate,
+    parse_profiles,
+    required_labels,
+    split_growing,
+)
+from dyknow.reasoning.monitoring.profiles import AIRCRAFT
 
 SEMANTICS = {
     "proximity": "always forall other in units - {self} growing: xy_dist[self, other] >= 15.0 or z_dist[self, other] >= 10.0",

@@ -4,10 +4,10 @@ import pytest
 from hypothesis import given
 from hypothesis import strategies as st
 
+from dyknow.kpl import read_formula
 from dyknow.model.errors import TextError
 from dyknow.model.values import NO_VALUE
-from kpl import read_formula
-from reasoning import TraceState, read_trace, trace_domains
+from dyknow.reasoning import TraceState, read_trace, trace_domains
 from tests.traces import check_trace
 
 

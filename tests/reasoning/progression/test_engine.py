@@ -4,11 +4,11 @@ import pytest
 from hypothesis import HealthCheck, given, settings
 from hypothesis import strategies as st
 
+from dyknow.kpl import read_formula
 from dyknow.model.values import NO_VALUE
-from kpl import read_formula
-from reasoning import Monitor, make_progression
-from reasoning.formulas.evaluation import Moment
-from reasoning.formulas.tree import (
+from dyknow.reasoning import Monitor, make_progression
+from dyknow.reasoning.formulas.evaluation import Moment
+from dyknow.reasoning.formulas.tree import (
     Always,
     Compare,
     Const,
@@ -22,9 +22,9 @@ from reasoning.formulas.tree import (
     Variable,
     is_temporal,
 )
-from reasoning.monitoring.alarms import Watch
-from reasoning.progression.automaton import LIMIT_GAPS
-from reasoning.progression.restarting import restartable
+from dyknow.reasoning.monitoring.alarms import Watch
+from dyknow.reasoning.progression.automaton import LIMIT_GAPS
+from dyknow.reasoning.progression.restarting import restartable
 from tests.reasoning import ways
 from tests.reasoning.oracle import atom
 from tests.reasoning.plain import Restarted

@@ -6,10 +6,10 @@ from time import process_time
 
 import pytest
 
+from dyknow.kpl import read_formula
 from dyknow.model.errors import DyknowError, TextError
-from kpl import read_formula
-from reasoning import make_progression
-from reasoning.formulas.tree import Always
+from dyknow.reasoning import make_progression
+from dyknow.reasoning.formulas.tree import Always
 
 FULL = bool(os.environ.get("DYKNOW_FULL"))
 WAYS = ("object", "deadlines")

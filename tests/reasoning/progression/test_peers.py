@@ -12,7 +12,7 @@ import pytest
 from hypothesis import given, settings
 from hypothesis import strategies as st
 
-from kpl import read_formula
+from dyknow.kpl import read_formula
 from tests.reasoning.meaning import State
 from tests.reasoning.ways import WAYS
 

@@ -3,11 +3,11 @@ from itertools import pairwise
 import pytest
 from hypothesis import HealthCheck, given, settings
 
+from dyknow.kpl import read_formula
 from dyknow.model.errors import TextError, UnknownLabel
 from dyknow.model.values import NO_VALUE
-from kpl import read_formula
-from reasoning import make_progression
-from reasoning.formulas.tree import (
+from dyknow.reasoning import make_progression
+from dyknow.reasoning.formulas.tree import (
     Always,
     And,
     Compare,

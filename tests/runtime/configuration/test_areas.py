@@ -4,10 +4,10 @@ from typing import Any
 
 import pytest
 
+from dyknow.federation.messages.contents import DivideArea
 from dyknow.model.errors import WrongCall
-from federation.messages.contents import DivideArea
-from runtime.configuration.areas import corners_of
-from runtime.configuration.wording import content_with
+from dyknow.runtime.configuration.areas import corners_of
+from dyknow.runtime.configuration.wording import content_with
 
 RING = [[15.0, 58.0], [15.1, 58.0], [15.1, 58.1], [15.0, 58.0]]
 POLYGON = {"type": "Polygon", "coordinates": [RING]}

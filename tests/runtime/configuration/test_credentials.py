@@ -6,10 +6,10 @@ from pathlib import Path
 
 import pytest
 
+from dyknow.federation.security.tls import authority_certificate, platform_certificate, tls_key
+from dyknow.federation.security.trust import Roster, RosterMember, Signer
 from dyknow.model.errors import RosterError, WrongCall
-from federation.security.tls import authority_certificate, platform_certificate, tls_key
-from federation.security.trust import Roster, RosterMember, Signer
-from runtime.configuration.credentials import checked_certificate, checked_key
+from dyknow.runtime.configuration.credentials import checked_certificate, checked_key
 
 UNITS = ("0", "1", "obs")
 DAY_US = 86_400_000_000

@@ -6,13 +6,13 @@ from pathlib import Path
 import numpy as np
 import pytest
 
+from dyknow.federation.members.clock import FederationClock
 from dyknow.model.errors import WrongCall
-from federation.members.clock import FederationClock
-from runtime.clock import NodeClock
-from runtime.configuration import elevation_files
-from runtime.configuration.config import NodeConfig
-from runtime.configuration.elevation_files import read_elevation
-from runtime.vehicles import VehiclePorts
+from dyknow.runtime.clock import NodeClock
+from dyknow.runtime.configuration import elevation_files
+from dyknow.runtime.configuration.config import NodeConfig
+from dyknow.runtime.configuration.elevation_files import read_elevation
+from dyknow.runtime.vehicles import VehiclePorts
 from tests.navigation.terrain.ground import tile_bytes
 
 HEADER = "ncols 4\nnrows 3\nxllcorner 13.0\nyllcorner 55.0\ncellsize 0.001\nNODATA_value -9999\n"

@@ -4,7 +4,7 @@ from hypothesis import strategies as st
 
 from dyknow.documents.durations import duration_us
 from dyknow.model.errors import WrongCall
-from runtime.configuration.instants import instant_us
+from dyknow.runtime.configuration.instants import instant_us
 
 NOW = 1_700_000_000_000_000
 

@@ -7,11 +7,11 @@ from pathlib import Path
 import psutil
 import pytest
 
-from proxies.zenoh.configuration import ZenohOptions, zenoh_config
-from runtime.configuration import local_endpoints
-from runtime.configuration.config import WireConfig
-from runtime.configuration.local_endpoints import dialled, noted_local, with_local_endpoint
-from runtime.configuration.run_directory import JOINED, ProcessState, Running, write_state
+from dyknow.proxies.zenoh.configuration import ZenohOptions, zenoh_config
+from dyknow.runtime.configuration import local_endpoints
+from dyknow.runtime.configuration.config import WireConfig
+from dyknow.runtime.configuration.local_endpoints import dialled, noted_local, with_local_endpoint
+from dyknow.runtime.configuration.run_directory import JOINED, ProcessState, Running, write_state
 
 SECURED = WireConfig(listen=("tls/192.168.1.10:7447",), security=Path("0.wire.json"))
 ALIVE = Running("0", os.getpid(), psutil.Process().create_time())

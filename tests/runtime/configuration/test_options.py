@@ -9,19 +9,19 @@ from pathlib import Path
 import pytest
 from pydantic import ValidationError
 
-from agents.capabilities.flight.options import AvoidanceOptions, FlightOptions
-from agents.exchange.options import SheddingOptions
-from agents.options import BASE, FLAGS, Chosen, platform_options
-from agents.specification.options import RunOptions, SpecificationOptions
+from dyknow.agents.capabilities.flight.options import AvoidanceOptions, FlightOptions
+from dyknow.agents.exchange.options import SheddingOptions
+from dyknow.agents.options import BASE, FLAGS, Chosen, platform_options
+from dyknow.agents.specification.options import RunOptions, SpecificationOptions
 from dyknow.model.errors import WrongCall
-from runtime.configuration.config import NodeConfig
-from runtime.configuration.settings import Settings, UnitFile
+from dyknow.runtime.configuration.config import NodeConfig
+from dyknow.runtime.configuration.settings import Settings, UnitFile
 
 ROOT = Path(__file__).parents[3]
 OPTIONS = """
 from typing import Annotated
 from pydantic import Field
-from agents.options import Everywhere, Flag, Options
+from dyknow.agents.options import Everywhere, Flag, Options
 
 class WhistleOptions(Options):
     pitch_hz: Annotated[float, Flag("--pitch", metavar="HZ"), Everywhere()] = Field(
@@ -31,18 +31,18 @@ class WhistleOptions(Options):
 OPTIONS = (WhistleOptions,)
 """
 PART = """
-from agents.capabilities.whistling.options import WhistleOptions
-from agents.part import Part
+from dyknow.agents.capabilities.whistling.options import WhistleOptions
+from dyknow.agents.part import Part
 
 class Whistle(Part):
     def __init__(self, ports, parts):
         self.pitch_hz = ports.config.options[WhistleOptions].pitch_hz
 """
 CAPABILITY = """
-from agents.capabilities.capability import Capability, Group, Stage, always
+from dyknow.agents.capabilities.capability import Capability, Group, Stage, always
 
 def _parts():
-    from agents.capabilities.whistling.whistle import Whistle
+    from dyknow.agents.capabilities.whistling.whistle import Whistle
     return (Whistle,)
 
 CAPABILITY = Capability((Group(Stage.REACTING, always, _parts),))
@@ -50,18 +50,18 @@ CAPABILITY = Capability((Group(Stage.REACTING, always, _parts),))
 FOUND = """
 import json, sys
 from pathlib import Path
-from agents import capabilities
+from dyknow.agents import capabilities
 folder = Path(sys.argv[1])
 capabilities.__path__.append(str(folder))
 
-from agents.platform import Platform
-from console.command import Call, loaded
-from console.output.output import Output
-from console.processes.launch import FleetPlan, fleet_of
-from federation.members.clock import FederationClock
-from runtime.configuration.config import NodeConfig
-from runtime.configuration.resolved import platform_config
-from runtime.configuration.settings import VARIABLES, load
+from dyknow.agents.platform import Platform
+from dyknow.console.command import Call, loaded
+from dyknow.console.output.output import Output
+from dyknow.console.processes.launch import FleetPlan, fleet_of
+from dyknow.federation.members.clock import FederationClock
+from dyknow.runtime.configuration.config import NodeConfig
+from dyknow.runtime.configuration.resolved import platform_config
+from dyknow.runtime.configuration.settings import VARIABLES, load
 
 def pitches(flags):
     call = Call(load(flags, None), Output(json_lines=True))
@@ -72,7 +72,8 @@ def pitches(flags):
     return [part.pitch_hz for part in parts], [json.loads(text)["pitch_hz"] for text in texts]
 
 flags = {name: [each for each in loaded(where, name).params if "--pitch" in each.opts]
-         for name, where in (("join", "console.commands.fleet.join:join"), ("up", "console.commands.fleet.up:up"))}
+         for name, where in (("join", "dyknow.console.commands.fleet.join:join"), ("up",
+         "dyknow.console.commands.fleet.up:up"))}
 print(json.dumps({
     "flags": {name: [(each.help, each.metavar, each.default) for each in found] for name, found in flags.items()},
     "variable": VARIABLES.get("pitch_hz"),

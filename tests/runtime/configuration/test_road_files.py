@@ -4,11 +4,11 @@ from pathlib import Path
 
 import pytest
 
-from anchoring.roads.network import RoadNetwork
+from dyknow.anchoring.roads.network import RoadNetwork
 from dyknow.model.errors import WrongCall
-from navigation.cameras.rig import CameraRig
-from navigation.geodesy import LocalFrame
-from runtime.configuration.road_files import check_place
+from dyknow.navigation.cameras.rig import CameraRig
+from dyknow.navigation.geodesy import LocalFrame
+from dyknow.runtime.configuration.road_files import check_place
 
 RIG = CameraRig({}, LocalFrame(58.4, 15.6, 0.0))
 

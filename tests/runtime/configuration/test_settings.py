@@ -3,7 +3,7 @@ from pathlib import Path
 import pytest
 
 from dyknow.model.errors import WrongCall
-from runtime.configuration.settings import load, read_federation
+from dyknow.runtime.configuration.settings import load, read_federation
 
 
 @pytest.fixture(autouse=True)

@@ -2,10 +2,10 @@
 
 import pytest
 
-from agents.extensions import typed_actions
+from dyknow.agents.extensions import typed_actions
+from dyknow.federation.messages.contents import CreateMulticast, read
 from dyknow.model.errors import WrongCall
-from federation.messages.contents import CreateMulticast, read
-from runtime.configuration.wording import content_with, typed, values_of
+from dyknow.runtime.configuration.wording import content_with, typed, values_of
 
 NOW_US = 1_800_000_000_000_000
 

@@ -5,10 +5,10 @@ import time
 from collections.abc import Iterator
 from queue import SimpleQueue
 
-from agents.hosts.knowledge_host import Read
 from dyknow import Sample, SourcePrototype
+from dyknow.agents.hosts.knowledge_host import Read
 from dyknow.policies.sampling import Grid
-from runtime.hosts.sources import SourceThread
+from dyknow.runtime.hosts.sources import SourceThread
 
 PATIENCE_S = 10.0
 

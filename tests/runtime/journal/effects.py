@@ -7,19 +7,19 @@ from dataclasses import replace
 from pathlib import Path
 from typing import Any
 
-from agents.effects import InjectFault, Tell
-from agents.places import FlightLimits, FlightPlan, Waypoint
-from agents.platform import Platform
+from dyknow.agents.effects import InjectFault, Tell
+from dyknow.agents.places import FlightLimits, FlightPlan, Waypoint
+from dyknow.agents.platform import Platform
+from dyknow.federation import keys
+from dyknow.federation.members.clock import FederationClock
+from dyknow.federation.messages.codec import decode_act, decode_description, decode_heartbeat, decode_samples
+from dyknow.federation.transport import Answer, Ask, Put
 from dyknow.model.sample import SURE
-from federation import keys
-from federation.members.clock import FederationClock
-from federation.messages.codec import decode_act, decode_description, decode_heartbeat, decode_samples
-from federation.transport import Answer, Ask, Put
-from navigation.vehicle import Command
-from proxies.recordings.journal_file import CLOCK_EPOCH, CLOCK_SPEED, read_about, read_journal
-from runtime.configuration.config import NodeConfig
-from runtime.configuration.resolved import platform_config
-from runtime.journal.journal import replayed
+from dyknow.navigation.vehicle import Command
+from dyknow.proxies.recordings.journal_file import CLOCK_EPOCH, CLOCK_SPEED, read_about, read_journal
+from dyknow.runtime.configuration.config import NodeConfig
+from dyknow.runtime.configuration.resolved import platform_config
+from dyknow.runtime.journal.journal import replayed
 
 _FRACTION = re.compile(r"-?\d+\.\d+(?:e[+-]?\d+)?")
 PROSE = {"text", "reason"}

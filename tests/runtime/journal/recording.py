@@ -8,22 +8,22 @@ from dataclasses import asdict
 from pathlib import Path
 from typing import Any
 
-from agents.capabilities.flight.options import AvoidanceOptions
-from agents.config import PlatformConfig
-from agents.effects import Fed, LeaveRequested, Specify
-from agents.options import Chosen
-from federation.messages.contents import MonitorProximity
-from navigation.geodesy import LocalFrame
-from proxies.recordings.journal_file import CLOCK_EPOCH, CLOCK_SPEED, read_about, read_journal
-from runtime.journal.journal import Journal
-from sim_uavs.dynamics.flight_plans import plan_of
-from sim_uavs.dynamics.quadcopter import Vector
-from sim_uavs.dynamics.routes import through
-from sim_uavs.dynamics.scenarios import ORIGIN
-from sim_uavs.dynamics.settings import HomePlace, VehicleConfig
-from sim_uavs.dynamics.vehicles import SimulatedVehicle
-from sim_uavs.world.units import WorldNode
-from sim_uavs.world.world import START_US, World
+from dyknow.agents.capabilities.flight.options import AvoidanceOptions
+from dyknow.agents.config import PlatformConfig
+from dyknow.agents.effects import Fed, LeaveRequested, Specify
+from dyknow.agents.options import Chosen
+from dyknow.federation.messages.contents import MonitorProximity
+from dyknow.navigation.geodesy import LocalFrame
+from dyknow.proxies.recordings.journal_file import CLOCK_EPOCH, CLOCK_SPEED, read_about, read_journal
+from dyknow.runtime.journal.journal import Journal
+from dyknow.sim_uavs.dynamics.flight_plans import plan_of
+from dyknow.sim_uavs.dynamics.quadcopter import Vector
+from dyknow.sim_uavs.dynamics.routes import through
+from dyknow.sim_uavs.dynamics.scenarios import ORIGIN
+from dyknow.sim_uavs.dynamics.settings import HomePlace, VehicleConfig
+from dyknow.sim_uavs.dynamics.vehicles import SimulatedVehicle
+from dyknow.sim_uavs.world.units import WorldNode
+from dyknow.sim_uavs.world.world import START_US, World
 from tests.runtime.journal.effects import replayed_effects
 
 HERE = Path(__file__).parent

@@ -13,11 +13,11 @@ import msgpack
 import pytest
 from mcap.writer import CompressionType, Writer
 
-from agents.effects import Event
 from dyknow import NO_VALUE
+from dyknow.agents.effects import Event
 from dyknow.model.errors import DecodeError, DyknowError
 from dyknow.model.instants import LATEST_US
-from proxies.recordings.journal_file import (
+from dyknow.proxies.recordings.journal_file import (
     ABOUT,
     CLOCK_EPOCH,
     CLOCK_SPEED,
@@ -29,10 +29,10 @@ from proxies.recordings.journal_file import (
     read_about,
     read_journal,
 )
-from proxies.recordings.mcap_log import JournalRecording
-from proxies.recordings.mcap_records import MAGIC, Unread
-from runtime.configuration.config import NodeConfig
-from runtime.journal.recorded_runs import recorded_streams
+from dyknow.proxies.recordings.mcap_log import JournalRecording
+from dyknow.proxies.recordings.mcap_records import MAGIC, Unread
+from dyknow.runtime.configuration.config import NodeConfig
+from dyknow.runtime.journal.recorded_runs import recorded_streams
 from tests.federation.mutants import NASTY, Raw
 
 FULL = bool(os.environ.get("DYKNOW_FULL"))

@@ -15,17 +15,17 @@ from hypothesis import given
 from hypothesis import strategies as st
 from mcap.reader import make_reader
 
-from agents.effects import Event, HostEvent, LeaveRequested, Reported
+from dyknow.agents.effects import Event, HostEvent, LeaveRequested, Reported
+from dyknow.federation.transport import Arrived, AskEnded, Put, TokenChanged, Urgency, WireEvent
 from dyknow.model.errors import DecodeError
 from dyknow.model.instants import LATEST_US
 from dyknow.model.sample import Sample
 from dyknow.model.values import NO_VALUE
-from federation.transport import Arrived, AskEnded, Put, TokenChanged, Urgency, WireEvent
-from navigation.vehicle import PositionReport, Report, StatusReport
-from proxies.recordings import journal_file
-from proxies.recordings.journal_file import Lost, Stepped, decode_event, encode_event, read_about, read_journal
-from runtime.journal import journal as journal_module
-from runtime.journal.journal import Journal, Journalled, replayed
+from dyknow.navigation.vehicle import PositionReport, Report, StatusReport
+from dyknow.proxies.recordings import journal_file
+from dyknow.proxies.recordings.journal_file import Lost, Stepped, decode_event, encode_event, read_about, read_journal
+from dyknow.runtime.journal import journal as journal_module
+from dyknow.runtime.journal.journal import Journal, Journalled, replayed
 
 ABOUT = {"unit": "0", "boot": "7"}
 NOW_US = 1_795_000_000_000_123
@@ -193,8 +193,8 @@ def test_an_entry_that_cannot_be_written_is_counted_and_the_rest_is_kept(tmp_pat
 CRASH = """
 import os, signal, sys, time
 from pathlib import Path
-from federation.transport import TokenChanged
-from runtime.journal.journal import Journal
+from dyknow.federation.transport import TokenChanged
+from dyknow.runtime.journal.journal import Journal
 journal = Journal(Path(sys.argv[1]), {"unit": "0"})
 journal.on_event(TokenChanged("@df/v1/a", 5, alive=True), 5)
 while b"@df/v1/a" not in Path(sys.argv[1]).read_bytes():

@@ -2,15 +2,15 @@
 
 import pytest
 
-from agents.effects import Fed, LeaveRequested, Specify
-from agents.platform import Platform
+from dyknow.agents.effects import Fed, LeaveRequested, Specify
+from dyknow.agents.platform import Platform
+from dyknow.federation.members.clock import FederationClock
 from dyknow.model.errors import DecodeError
-from federation.members.clock import FederationClock
-from proxies.recordings.journal_file import CLOCK_EPOCH, CLOCK_SPEED
-from runtime.configuration.config import NodeConfig
-from runtime.configuration.resolved import platform_config
-from runtime.journal.journal import Journal, Journalled
-from runtime.journal.recorded_runs import recorded_streams
+from dyknow.proxies.recordings.journal_file import CLOCK_EPOCH, CLOCK_SPEED
+from dyknow.runtime.configuration.config import NodeConfig
+from dyknow.runtime.configuration.resolved import platform_config
+from dyknow.runtime.journal.journal import Journal, Journalled
+from dyknow.runtime.journal.recorded_runs import recorded_streams
 
 START_US = 1_700_000_000_000_000
 TEXT = """

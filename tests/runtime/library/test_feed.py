@@ -6,7 +6,7 @@ import threading
 import pytest
 
 from dyknow import FederationFailed
-from runtime.library.feed import CAPACITY, Feed
+from dyknow.runtime.library.feed import CAPACITY, Feed
 
 
 def test_items_come_in_their_order_and_the_iteration_ends_with_the_feed() -> None:

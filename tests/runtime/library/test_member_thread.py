@@ -7,15 +7,15 @@ from queue import SimpleQueue
 import pytest
 
 from dyknow import FederationFailed, NothingFound, SessionFailed
-from federation.members.command_centre import CommandCentre
-from federation.transport import WireEffect, WireEvent
-from runtime.client import ClientPorts
-from runtime.clock import NodeClock
-from runtime.library import jobs
-from runtime.library.alarm_news import follow_alarms
-from runtime.library.feed import Feed
-from runtime.library.member_thread import Job, MemberThread, Wait
-from runtime.library.questions import Which
+from dyknow.federation.members.command_centre import CommandCentre
+from dyknow.federation.transport import WireEffect, WireEvent
+from dyknow.runtime.client import ClientPorts
+from dyknow.runtime.clock import NodeClock
+from dyknow.runtime.library import jobs
+from dyknow.runtime.library.alarm_news import follow_alarms
+from dyknow.runtime.library.feed import Feed
+from dyknow.runtime.library.member_thread import Job, MemberThread, Wait
+from dyknow.runtime.library.questions import Which
 
 
 class Quiet:

@@ -5,10 +5,10 @@ from typing import Any
 
 import pytest
 
+from dyknow.federation.messages.acts import Performative
+from dyknow.federation.messages.contents import FlyMission
 from dyknow.model.errors import Refused
-from federation.messages.acts import Performative
-from federation.messages.contents import FlyMission
-from runtime.library.missions import agreed
+from dyknow.runtime.library.missions import agreed
 
 MISSION = FlyMission(mission="m1", domain="", problem="", constraints="", actions=(), is_whole=False)
 

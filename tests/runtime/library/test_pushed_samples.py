@@ -7,7 +7,7 @@ import pytest
 
 from dyknow import NO_VALUE, SURE, Quality
 from dyknow.model.errors import WrongCall
-from runtime.library.pushed_samples import pushed
+from dyknow.runtime.library.pushed_samples import pushed
 
 NOW_US = 5_000_000
 

@@ -3,7 +3,7 @@
 import pytest
 
 from dyknow import Quality
-from runtime.library.results import MOST_ROWS, QueryResult, UnitSample
+from dyknow.runtime.library.results import MOST_ROWS, QueryResult, UnitSample
 
 EVIL = "<script>alert(1)</script>"
 SAMPLES = [

@@ -2,8 +2,8 @@
 
 from xml.etree import ElementTree as ET
 
-from runtime.library.pictures.saliency import FoundPerson
-from runtime.library.pictures.saliency_drawing import SEVERAL, saliency_svg
+from dyknow.runtime.library.pictures.saliency import FoundPerson
+from dyknow.runtime.library.pictures.saliency_drawing import SEVERAL, saliency_svg
 
 PERSON = FoundPerson("0:s1", 10.0, 20.0, None, None, (9.0, 0.0, 1.0), 0, 1, 6.0, 0.8, 0.7, "", "", ("0",), ("0:s1",))
 

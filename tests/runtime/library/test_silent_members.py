@@ -1,10 +1,10 @@
 """A member that describes nothing, or names members that are not there, holds up a program's first questions alone."""
 
-from federation.members.command_centre import PATIENT_US
-from runtime.client import Client, command_centre
-from runtime.configuration.settings import Settings
-from runtime.library import jobs
-from runtime.library.questions import Which
+from dyknow.federation.members.command_centre import PATIENT_US
+from dyknow.runtime.client import Client, command_centre
+from dyknow.runtime.configuration.settings import Settings
+from dyknow.runtime.library import jobs
+from dyknow.runtime.library.questions import Which
 from tests.box import Box, Vehicle
 from tests.federation.members.test_one_liar import Liar
 

@@ -5,7 +5,7 @@ import pytest
 import dyknow
 from dyknow.documents.durations import duration_us
 from dyknow.model.errors import WrongCall
-from runtime.configuration.instants import instant_us
+from dyknow.runtime.configuration.instants import instant_us
 
 
 @pytest.mark.parametrize("units", ["a.py", ("a.py",), ["a.py"]])

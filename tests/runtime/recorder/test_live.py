@@ -15,11 +15,11 @@ pytest.importorskip("websockets", reason="websockets is not installed")
 from mcap.reader import make_reader
 
 from dyknow.model.errors import EndpointFailed, UnitError
-from runtime.client import Client, command_centre
-from runtime.configuration.settings import Settings
-from runtime.recorder.live import MOST_KEPT, LiveServer
-from runtime.recorder.recorder import Recorder
-from runtime.recordings.recording_file import LONGEST_MESSAGE, PLATFORM, RecordingFile
+from dyknow.runtime.client import Client, command_centre
+from dyknow.runtime.configuration.settings import Settings
+from dyknow.runtime.recorder.live import MOST_KEPT, LiveServer
+from dyknow.runtime.recorder.recorder import Recorder
+from dyknow.runtime.recordings.recording_file import LONGEST_MESSAGE, PLATFORM, RecordingFile
 from tests.box import EPOCH, METRE_DEG, Box
 from tests.console.commands.recordings.encounter import encounter
 from tests.runtime.recorder.foxglove_client import FoxgloveClient

@@ -18,29 +18,29 @@ import msgpack
 import pytest
 import zstandard
 
-from anchoring.belief.files.models import read_world_model
-from anchoring.roads.files.formats import survey_any
+from dyknow.anchoring.belief.files.models import read_world_model
+from dyknow.anchoring.roads.files.formats import survey_any
 from dyknow.documents.documents import json_document
+from dyknow.federation.security.trust import Roster
+from dyknow.federation.sharing.ontology import default_ontology
+from dyknow.kpl import parse_specification
 from dyknow.model.errors import DyknowError, SourceText, WrongCall
-from federation.security.trust import Roster
-from federation.sharing.ontology import default_ontology
-from kpl import parse_specification
-from planning.domains.model import Declarations
-from planning.domains.packing import unpacked
-from planning.domains.texts import parse_domain
-from proxies.files.named_files import beside
-from proxies.recordings.formats import open_recording
-from proxies.recordings.journal_file import ABOUT, read_about, read_journal
-from proxies.recordings.mcap_records import MAGIC
-from proxies.recordings.sample_file import read_feed
-from reasoning.monitoring.profiles import parse_profiles
-from runtime.configuration.areas import corners_of
-from runtime.configuration.ontologies import read_ontology
-from runtime.configuration.road_files import read_bytes
-from runtime.configuration.settings import FederationFile
-from runtime.configuration.toml import read_model
-from runtime.recordings.recorded import FederationRecording
-from runtime.recordings.recording_file import PROFILE
+from dyknow.planning.domains.model import Declarations
+from dyknow.planning.domains.packing import unpacked
+from dyknow.planning.domains.texts import parse_domain
+from dyknow.proxies.files.named_files import beside
+from dyknow.proxies.recordings.formats import open_recording
+from dyknow.proxies.recordings.journal_file import ABOUT, read_about, read_journal
+from dyknow.proxies.recordings.mcap_records import MAGIC
+from dyknow.proxies.recordings.sample_file import read_feed
+from dyknow.reasoning.monitoring.profiles import parse_profiles
+from dyknow.runtime.configuration.areas import corners_of
+from dyknow.runtime.configuration.ontologies import read_ontology
+from dyknow.runtime.configuration.road_files import read_bytes
+from dyknow.runtime.configuration.settings import FederationFile
+from dyknow.runtime.configuration.toml import read_model
+from dyknow.runtime.recordings.recorded import FederationRecording
+from dyknow.runtime.recordings.recording_file import PROFILE
 
 FORK = multiprocessing.get_context("fork")
 MOST_S, MOST_MB = 5.0, 100

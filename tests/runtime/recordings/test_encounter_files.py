@@ -4,9 +4,9 @@ from pathlib import Path
 
 import pytest
 
-from agents.effects import EncounterMessage, KeepEncounter
-from runtime.recordings import encounter_files
-from runtime.recordings.encounter_files import keep_encounter
+from dyknow.agents.effects import EncounterMessage, KeepEncounter
+from dyknow.runtime.recordings import encounter_files
+from dyknow.runtime.recordings.encounter_files import keep_encounter
 
 S = 1_000_000
 SINCE_US = 1_700_000_000 * S

@@ -6,17 +6,17 @@ import pytest
 from hypothesis import given
 from hypothesis import strategies as st
 
-from agents.capabilities.flight.options import AvoidanceOptions
-from agents.config import PlatformConfig
-from agents.monitoring.alarm_log import AlarmLog
-from agents.options import Chosen
-from agents.playback.recorded_platform import OffersPlayed, Played, PlayedSample, RecordedPlatform
-from federation.messages.contents import MonitorProximity, Query, Samples
-from runtime.configuration.config import RecordedVehicle
-from runtime.recordings.playback import Playback, schedule, shift_us
-from runtime.recordings.recorded import FederationRecording
-from runtime.recordings.recording_file import ACT, ALARM, PLATFORM, SAMPLE, RecordingFile
-from runtime.recordings.summary import summary_of
+from dyknow.agents.capabilities.flight.options import AvoidanceOptions
+from dyknow.agents.config import PlatformConfig
+from dyknow.agents.monitoring.alarm_log import AlarmLog
+from dyknow.agents.options import Chosen
+from dyknow.agents.playback.recorded_platform import OffersPlayed, Played, PlayedSample, RecordedPlatform
+from dyknow.federation.messages.contents import MonitorProximity, Query, Samples
+from dyknow.runtime.configuration.config import RecordedVehicle
+from dyknow.runtime.recordings.playback import Playback, schedule, shift_us
+from dyknow.runtime.recordings.recorded import FederationRecording
+from dyknow.runtime.recordings.recording_file import ACT, ALARM, PLATFORM, SAMPLE, RecordingFile
+from dyknow.runtime.recordings.summary import summary_of
 from tests.box import Box, P
 from tests.console.commands.recordings.encounter import EXAMPLE
 

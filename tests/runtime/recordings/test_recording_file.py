@@ -18,15 +18,15 @@ from hypothesis import strategies as st
 from mcap.reader import make_reader
 from mcap.writer import CompressionType, Writer
 
+from dyknow.federation.transport import AskEnded
 from dyknow.model.errors import DecodeError, WrongCall
-from federation.transport import AskEnded
-from proxies.recordings.journal_file import Stepped, read_about, read_journal
-from proxies.recordings.mcap_records import LARGEST_CHUNK
-from runtime.journal.journal import Journal
-from runtime.recordings import foxglove
-from runtime.recordings.recorded import FederationRecording, mend
-from runtime.recordings.recording_file import ABOUT, FLUSH_US, LONGEST_MESSAGE, PROFILE, SAMPLE, RecordingFile
-from runtime.recordings.summary import summary_of
+from dyknow.proxies.recordings.journal_file import Stepped, read_about, read_journal
+from dyknow.proxies.recordings.mcap_records import LARGEST_CHUNK
+from dyknow.runtime.journal.journal import Journal
+from dyknow.runtime.recordings import foxglove
+from dyknow.runtime.recordings.recorded import FederationRecording, mend
+from dyknow.runtime.recordings.recording_file import ABOUT, FLUSH_US, LONGEST_MESSAGE, PROFILE, SAMPLE, RecordingFile
+from dyknow.runtime.recordings.summary import summary_of
 
 KILLS = 200 if os.environ.get("DYKNOW_FULL") else 10
 AT_ONCE = 5

@@ -6,7 +6,7 @@ from itertools import pairwise
 import pytest
 from pymavlink.dialects.v20 import all as mavlink
 
-from sim_uavs.dynamics.flight import Mode
+from dyknow.sim_uavs.dynamics.flight import Mode
 from tests.sim_uavs.station import HOME, ME, NAN, START_US, Station, decoded
 
 PERSONAS = pytest.mark.parametrize("persona", ["ardupilot", "px4"])

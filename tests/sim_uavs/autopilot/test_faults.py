@@ -12,9 +12,9 @@ from hypothesis import given, settings
 from hypothesis import strategies as st
 from pymavlink.dialects.v20 import all as mavlink
 
-from navigation.geodesy import distance_m
-from proxies.mavlink.frames import Cutter
-from sim_uavs.autopilot.link import READ
+from dyknow.navigation.geodesy import distance_m
+from dyknow.proxies.mavlink.frames import Cutter
+from dyknow.sim_uavs.autopilot.link import READ
 from tests.sim_uavs.station import HOME, Station
 from tests.strategies import examples
 

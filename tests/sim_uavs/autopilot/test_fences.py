@@ -5,17 +5,17 @@ from queue import Queue
 import pytest
 from pymavlink.dialects.v20 import all as mavlink
 
-from agents.places import fences_of
+from dyknow.agents.places import fences_of
 from dyknow.model.errors import Refused
-from navigation.fences import FenceArea, FenceKind
-from navigation.vehicle import FenceReport, Report
-from proxies.mavlink.feed import MavlinkFeed
-from runtime.clock import NodeClock
-from sim_uavs.autopilot.server import AutopilotServer
-from sim_uavs.dynamics.flight import Mode
-from sim_uavs.dynamics.quadcopter import Vector
-from sim_uavs.dynamics.settings import PersonaName, VehicleConfig, VehicleSettings
-from sim_uavs.dynamics.vehicles import SimulatedVehicle
+from dyknow.navigation.fences import FenceArea, FenceKind
+from dyknow.navigation.vehicle import FenceReport, Report
+from dyknow.proxies.mavlink.feed import MavlinkFeed
+from dyknow.runtime.clock import NodeClock
+from dyknow.sim_uavs.autopilot.server import AutopilotServer
+from dyknow.sim_uavs.dynamics.flight import Mode
+from dyknow.sim_uavs.dynamics.quadcopter import Vector
+from dyknow.sim_uavs.dynamics.settings import PersonaName, VehicleConfig, VehicleSettings
+from dyknow.sim_uavs.dynamics.vehicles import SimulatedVehicle
 from tests.sim_uavs.piloted import HOME, NORTH_DEG, START_US, Piloted
 from tests.sim_uavs.station import Station
 

@@ -5,12 +5,20 @@ from math import asin, atan2, cos, degrees, hypot, inf, nan, pi, radians, sin
 import pytest
 from pymavlink.dialects.v20 import ardupilotmega as mavlink
 
-from navigation.geodesy import LocalFrame
-from navigation.vehicle import Command, CommandResult, LookAtOrder, MountOrder, MountReport, PointMountOrder, Report
-from proxies.mavlink.reports import VehicleReports
-from sim_uavs.dynamics.scenarios import ORIGIN
-from sim_uavs.dynamics.settings import PersonaName, VehicleConfig
-from sim_uavs.dynamics.vehicles import SimulatedVehicle
+from dyknow.navigation.geodesy import LocalFrame
+from dyknow.navigation.vehicle import (
+    Command,
+    CommandResult,
+    LookAtOrder,
+    MountOrder,
+    MountReport,
+    PointMountOrder,
+    Report,
+)
+from dyknow.proxies.mavlink.reports import VehicleReports
+from dyknow.sim_uavs.dynamics.scenarios import ORIGIN
+from dyknow.sim_uavs.dynamics.settings import PersonaName, VehicleConfig
+from dyknow.sim_uavs.dynamics.vehicles import SimulatedVehicle
 from tests.sim_uavs.wired import WiredVehicle
 
 START_US = 1_700_000_000_000_000

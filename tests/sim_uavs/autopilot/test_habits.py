@@ -3,8 +3,8 @@
 import pytest
 from pymavlink.dialects.v20 import all as mavlink
 
-from sim_uavs.dynamics.flight import Mode
-from sim_uavs.dynamics.quadcopter import Vector
+from dyknow.sim_uavs.dynamics.flight import Mode
+from dyknow.sim_uavs.dynamics.quadcopter import Vector
 from tests.sim_uavs.station import HOME, NAN, Station
 
 BOTH = pytest.mark.parametrize("persona", ["ardupilot", "px4"])

@@ -5,14 +5,14 @@ import struct
 import pytest
 from pymavlink.dialects.v20 import all as mavlink
 
-from navigation.vehicle import FailsafeReport
-from proxies.mavlink.parameters import VehicleParameters
-from sim_uavs.dynamics.faults import parse_fault
-from sim_uavs.dynamics.flight import Mode
-from sim_uavs.dynamics.missions import Item, MissionAction
-from sim_uavs.dynamics.quadcopter import Vector
-from sim_uavs.dynamics.settings import VehicleConfig
-from sim_uavs.dynamics.vehicles import SimulatedVehicle
+from dyknow.navigation.vehicle import FailsafeReport
+from dyknow.proxies.mavlink.parameters import VehicleParameters
+from dyknow.sim_uavs.dynamics.faults import parse_fault
+from dyknow.sim_uavs.dynamics.flight import Mode
+from dyknow.sim_uavs.dynamics.missions import Item, MissionAction
+from dyknow.sim_uavs.dynamics.quadcopter import Vector
+from dyknow.sim_uavs.dynamics.settings import VehicleConfig
+from dyknow.sim_uavs.dynamics.vehicles import SimulatedVehicle
 from tests.sim_uavs.station import HOME, START_US, Station
 
 AWAY = (Item(MissionAction.FLY_TO, Vector(0.0, 0.0, -30.0)), Item(MissionAction.FLY_TO, Vector(300.0, 0.0, -30.0)))

@@ -5,7 +5,7 @@ import struct
 import pytest
 from pymavlink.dialects.v20 import all as mavlink
 
-from sim_uavs.dynamics.flight import Mode
+from dyknow.sim_uavs.dynamics.flight import Mode
 from tests.sim_uavs.station import HOME, NAN, Station
 
 PERSONAS = pytest.mark.parametrize("persona", ["ardupilot", "px4"])

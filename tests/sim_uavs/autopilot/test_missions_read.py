@@ -3,11 +3,11 @@
 import pytest
 from pymavlink.dialects.v20 import all as mavlink
 
-from agents.capabilities.separation.own.own_intent import OwnIntent
-from navigation.intents.intent import IntentEnding, IntentSource
-from navigation.mission_plans import MissionStep
-from sim_uavs.dynamics.flight import Mode
-from sim_uavs.dynamics.settings import PersonaName
+from dyknow.agents.capabilities.separation.own.own_intent import OwnIntent
+from dyknow.navigation.intents.intent import IntentEnding, IntentSource
+from dyknow.navigation.mission_plans import MissionStep
+from dyknow.sim_uavs.dynamics.flight import Mode
+from dyknow.sim_uavs.dynamics.settings import PersonaName
 from tests.sim_uavs.piloted import HOME, NORTH_DEG, Piloted
 
 BOTH = pytest.mark.parametrize("persona", ["ardupilot", "px4"])

@@ -2,12 +2,12 @@
 
 import pytest
 
-from agents.capabilities.flight.errand import Errand, OrderProgress
+from dyknow.agents.capabilities.flight.errand import Errand, OrderProgress
 from dyknow.model.errors import Refused
-from sim_uavs.dynamics.flight import Mode
-from sim_uavs.dynamics.missions import Item, MissionAction
-from sim_uavs.dynamics.quadcopter import Vector
-from sim_uavs.dynamics.settings import PersonaName
+from dyknow.sim_uavs.dynamics.flight import Mode
+from dyknow.sim_uavs.dynamics.missions import Item, MissionAction
+from dyknow.sim_uavs.dynamics.quadcopter import Vector
+from dyknow.sim_uavs.dynamics.settings import PersonaName
 from tests.sim_uavs.piloted import Piloted
 
 P = OrderProgress

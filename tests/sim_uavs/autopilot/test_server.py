@@ -7,10 +7,10 @@ import time
 import pytest
 from pymavlink.dialects.v20 import all as mavlink
 
-from federation.members.clock import FederationClock
-from sim_uavs.autopilot.server import AutopilotServer, together
-from sim_uavs.dynamics.faults import SimulatedFault
-from sim_uavs.dynamics.settings import VehicleConfig
+from dyknow.federation.members.clock import FederationClock
+from dyknow.sim_uavs.autopilot.server import AutopilotServer, together
+from dyknow.sim_uavs.dynamics.faults import SimulatedFault
+from dyknow.sim_uavs.dynamics.settings import VehicleConfig
 from tests.sim_uavs.station import HOME
 from tests.sim_uavs.truth import true_motion_of
 

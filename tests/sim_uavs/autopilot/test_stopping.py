@@ -2,15 +2,24 @@
 
 import pytest
 
-from agents.capabilities.flight.arbiter import Commander
-from agents.capabilities.flight.errand import OrderProgress
-from agents.places import FlightPlan, Waypoint
+from dyknow.agents.capabilities.flight.arbiter import Commander
+from dyknow.agents.capabilities.flight.errand import OrderProgress
+from dyknow.agents.places import FlightPlan, Waypoint
 from dyknow.model.errors import Refused
-from navigation.vehicle import Arm, GoToOrder, HoldOrder, LandOrder, Order, ReturnHomeOrder, SetGuided, TakeOffOrder
-from sim_uavs.dynamics.flight import Mode
-from sim_uavs.dynamics.missions import Item, MissionAction
-from sim_uavs.dynamics.quadcopter import Vector
-from sim_uavs.dynamics.settings import PersonaName
+from dyknow.navigation.vehicle import (
+    Arm,
+    GoToOrder,
+    HoldOrder,
+    LandOrder,
+    Order,
+    ReturnHomeOrder,
+    SetGuided,
+    TakeOffOrder,
+)
+from dyknow.sim_uavs.dynamics.flight import Mode
+from dyknow.sim_uavs.dynamics.missions import Item, MissionAction
+from dyknow.sim_uavs.dynamics.quadcopter import Vector
+from dyknow.sim_uavs.dynamics.settings import PersonaName
 from tests.sim_uavs.piloted import HOME, NORTH_DEG, Piloted
 
 P = OrderProgress

@@ -2,15 +2,15 @@
 
 from collections.abc import Sequence
 
-from navigation.geodesy import LocalFrame
-from navigation.vehicle import Command, CommandResult, GoToOrder, Order, Report, WinchReport
-from sim_uavs.boxes.handled import BoxWorld, Placed
-from sim_uavs.boxes.shared import HandlingList, HandlingLog, SharedBoxes
-from sim_uavs.boxes.winch import MagnetHoist
-from sim_uavs.dynamics.faults import parse_fault
-from sim_uavs.dynamics.scenarios import ORIGIN
-from sim_uavs.dynamics.settings import PersonaName, VehicleConfig
-from sim_uavs.dynamics.slung import Thing
+from dyknow.navigation.geodesy import LocalFrame
+from dyknow.navigation.vehicle import Command, CommandResult, GoToOrder, Order, Report, WinchReport
+from dyknow.sim_uavs.boxes.handled import BoxWorld, Placed
+from dyknow.sim_uavs.boxes.shared import HandlingList, HandlingLog, SharedBoxes
+from dyknow.sim_uavs.boxes.winch import MagnetHoist
+from dyknow.sim_uavs.dynamics.faults import parse_fault
+from dyknow.sim_uavs.dynamics.scenarios import ORIGIN
+from dyknow.sim_uavs.dynamics.settings import PersonaName, VehicleConfig
+from dyknow.sim_uavs.dynamics.slung import Thing
 from tests.sim_uavs.wired import WiredVehicle
 
 START_US = 1_700_000_000_000_000

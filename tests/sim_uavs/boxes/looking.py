@@ -5,20 +5,20 @@ from typing import NamedTuple
 
 import numpy as np
 
-from agents.capabilities.cameras.perception import ImageLook, Perception
 from dyknow import NO_VALUE
-from navigation.fusion import PositionFilter
-from navigation.geodesy import LocalFrame
-from navigation.searching.landing import Drop, landing
-from navigation.searching.search import PlacedPercept, SightSearch
-from navigation.vehicle import AttitudeReport, Command, GoToOrder, MountReport
-from sim_uavs.boxes.handled import Handling, Placed
-from sim_uavs.boxes.shared import BoxesOnGround, HandlingList
-from sim_uavs.boxes.winch import MagnetHoist
-from sim_uavs.depot import boxes_of, hoist_of, loader
-from sim_uavs.dynamics.scenarios import scenario
-from sim_uavs.dynamics.vehicles import SimulatedVehicle
-from sim_uavs.streets import watching
+from dyknow.agents.capabilities.cameras.perception import ImageLook, Perception
+from dyknow.navigation.fusion import PositionFilter
+from dyknow.navigation.geodesy import LocalFrame
+from dyknow.navigation.searching.landing import Drop, landing
+from dyknow.navigation.searching.search import PlacedPercept, SightSearch
+from dyknow.navigation.vehicle import AttitudeReport, Command, GoToOrder, MountReport
+from dyknow.sim_uavs.boxes.handled import Handling, Placed
+from dyknow.sim_uavs.boxes.shared import BoxesOnGround, HandlingList
+from dyknow.sim_uavs.boxes.winch import MagnetHoist
+from dyknow.sim_uavs.depot import boxes_of, hoist_of, loader
+from dyknow.sim_uavs.dynamics.scenarios import scenario
+from dyknow.sim_uavs.dynamics.vehicles import SimulatedVehicle
+from dyknow.sim_uavs.streets import watching
 
 START_US = 1_700_000_000_000_000
 IMAGE_US = 200_000

@@ -9,11 +9,11 @@ import numpy as np
 from hypothesis import given, settings
 from hypothesis import strategies as st
 
-from sim_uavs.boxes.bodies import BOX, Air, Surface, fall
-from sim_uavs.boxes.handled import BoxWorld, Handling
-from sim_uavs.boxes.shared import HandlingFile, SharedBoxes
-from sim_uavs.dynamics.quadcopter import GRAVITY_M_S2
-from sim_uavs.dynamics.slung import Thing
+from dyknow.sim_uavs.boxes.bodies import BOX, Air, Surface, fall
+from dyknow.sim_uavs.boxes.handled import BoxWorld, Handling
+from dyknow.sim_uavs.boxes.shared import HandlingFile, SharedBoxes
+from dyknow.sim_uavs.dynamics.quadcopter import GRAVITY_M_S2
+from dyknow.sim_uavs.dynamics.slung import Thing
 from tests.strategies import examples
 
 heights = st.floats(0.1, 60.0)

@@ -7,10 +7,10 @@ import numpy as np
 import pytest
 
 from dyknow.model.errors import WrongCall
-from navigation.geodesy import LocalFrame
-from sim_uavs.boxes.shared import HandlingList
-from sim_uavs.depot import boxes_of
-from sim_uavs.dynamics.scenarios import ORIGIN, scenario
+from dyknow.navigation.geodesy import LocalFrame
+from dyknow.sim_uavs.boxes.shared import HandlingList
+from dyknow.sim_uavs.depot import boxes_of
+from dyknow.sim_uavs.dynamics.scenarios import ORIGIN, scenario
 
 PROBLEM = Path(__file__).parents[3] / "examples" / "logistics" / "field.prob"
 

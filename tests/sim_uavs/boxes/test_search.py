@@ -6,9 +6,9 @@ from math import hypot
 import numpy as np
 import pytest
 
-from navigation.searching.landing import Drop, landing
-from sim_uavs.boxes.bodies import BOX, Air, fall
-from sim_uavs.boxes.handled import Handling
+from dyknow.navigation.searching.landing import Drop, landing
+from dyknow.sim_uavs.boxes.bodies import BOX, Air, fall
+from dyknow.sim_uavs.boxes.handled import Handling
 from tests.sim_uavs.boxes.looking import START_US, Looking, search_for_dropped, seen
 
 CASES = 150 if os.environ.get("DYKNOW_FULL") else 15

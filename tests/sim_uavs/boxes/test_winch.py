@@ -5,11 +5,11 @@ from math import hypot, nan
 import pytest
 from pymavlink.dialects.v20 import ardupilotmega as mavlink
 
-from navigation.vehicle import GripOrder, LineOrder, WinchReport
-from sim_uavs.autopilot.commands import FlightOrder
-from sim_uavs.boxes.handled import BoxWorld, Handling
-from sim_uavs.dynamics.settings import PersonaName
-from sim_uavs.dynamics.slung import Thing
+from dyknow.navigation.vehicle import GripOrder, LineOrder, WinchReport
+from dyknow.sim_uavs.autopilot.commands import FlightOrder
+from dyknow.sim_uavs.boxes.handled import BoxWorld, Handling
+from dyknow.sim_uavs.dynamics.settings import PersonaName
+from dyknow.sim_uavs.dynamics.slung import Thing
 from tests.sim_uavs.boxes.flown import FlownBoxes
 
 

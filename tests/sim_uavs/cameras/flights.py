@@ -5,17 +5,17 @@ from typing import NamedTuple
 
 import numpy as np
 
-from anchoring.links.structures import Percept
-from navigation.cameras.pinhole import Attitude
-from navigation.fusion import Estimate
-from navigation.geodesy import LocalFrame
-from navigation.vehicle import AttitudeReport
-from sim_uavs.autopilot.server import IMAGE_US
-from sim_uavs.cameras.detectors import Obstacle
-from sim_uavs.cameras.payload import CameraPayload
-from sim_uavs.roads.drivers import Driver, RoadState
-from sim_uavs.roads.layouts import RoadsJson, network_of
-from sim_uavs.roads.traffic import SimulatedTraffic
+from dyknow.anchoring.links.structures import Percept
+from dyknow.navigation.cameras.pinhole import Attitude
+from dyknow.navigation.fusion import Estimate
+from dyknow.navigation.geodesy import LocalFrame
+from dyknow.navigation.vehicle import AttitudeReport
+from dyknow.sim_uavs.autopilot.server import IMAGE_US
+from dyknow.sim_uavs.cameras.detectors import Obstacle
+from dyknow.sim_uavs.cameras.payload import CameraPayload
+from dyknow.sim_uavs.roads.drivers import Driver, RoadState
+from dyknow.sim_uavs.roads.layouts import RoadsJson, network_of
+from dyknow.sim_uavs.roads.traffic import SimulatedTraffic
 
 FRAME = LocalFrame(58.4, 15.6, 0.0)
 POSITION_SD_M, HEIGHT_SD_M, LEAN_SD_RAD, YAW_SD_RAD = 0.3, 0.4, 0.004, 0.015

@@ -6,8 +6,8 @@ from math import hypot, pi, radians
 import numpy as np
 import pytest
 
-from navigation.cameras.pinhole import Attitude, CameraPose, PanTilt, aimed
-from sim_uavs.cameras.detectors import (
+from dyknow.navigation.cameras.pinhole import Attitude, CameraPose, PanTilt, aimed
+from dyknow.sim_uavs.cameras.detectors import (
     COLOUR,
     COLOUR_CAMERA,
     THERMAL,
@@ -17,10 +17,10 @@ from sim_uavs.cameras.detectors import (
     detect,
     in_view,
 )
-from sim_uavs.cameras.mount import Mount, MountLimits
-from sim_uavs.cameras.payload import CameraPayload
-from sim_uavs.roads.drivers import Driver, RoadState
-from sim_uavs.roads.layouts import cross, straight
+from dyknow.sim_uavs.cameras.mount import Mount, MountLimits
+from dyknow.sim_uavs.cameras.payload import CameraPayload
+from dyknow.sim_uavs.roads.drivers import Driver, RoadState
+from dyknow.sim_uavs.roads.layouts import cross, straight
 from tests.sim_uavs.cameras.flights import FRAME, Image, hover
 
 TURNING = Driver("a", ("west", "middle", "north"), start_m=190.0, cruise_m_s=10.0, colour="red")

@@ -5,11 +5,11 @@ from math import hypot
 
 import numpy as np
 
-from anchoring.links.structures import ObjectLinkage
-from anchoring.ready import WORLD, ready_specification
-from sim_uavs.cameras.detectors import Obstacle
-from sim_uavs.roads.drivers import Driver
-from sim_uavs.roads.layouts import network_of, straight
+from dyknow.anchoring.links.structures import ObjectLinkage
+from dyknow.anchoring.ready import WORLD, ready_specification
+from dyknow.sim_uavs.cameras.detectors import Obstacle
+from dyknow.sim_uavs.roads.drivers import Driver
+from dyknow.sim_uavs.roads.layouts import network_of, straight
 from tests.sim_uavs.cameras.flights import hover
 
 ROADS = straight(300.0)

@@ -5,7 +5,7 @@ from hypothesis import given
 from hypothesis import strategies as st
 
 from dyknow.model.errors import TextError
-from sim_uavs.dynamics.faults import FaultSchedule, drawn, parse_fault, parse_fault_at, parse_scheduled
+from dyknow.sim_uavs.dynamics.faults import FaultSchedule, drawn, parse_fault, parse_fault_at, parse_scheduled
 
 SECOND = 1_000_000
 

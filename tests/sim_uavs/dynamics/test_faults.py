@@ -6,9 +6,9 @@ from hypothesis import given
 from hypothesis import strategies as st
 
 from dyknow.model.errors import TextError
-from sim_uavs.dynamics.faults import _KINDS, KINDS, ActiveFaults, SimulatedFault, parse_fault, spoil
-from sim_uavs.dynamics.quadcopter import Vector
-from sim_uavs.dynamics.sensors import GpsReading
+from dyknow.sim_uavs.dynamics.faults import _KINDS, KINDS, ActiveFaults, SimulatedFault, parse_fault, spoil
+from dyknow.sim_uavs.dynamics.quadcopter import Vector
+from dyknow.sim_uavs.dynamics.sensors import GpsReading
 
 READING = GpsReading(Vector(1.0, 2.0, -3.0), Vector(4.0, 5.0, 6.0), 0.2, 0.3, 14)
 EARLIER = READING._replace(position=Vector(0.0, 0.0, 0.0))

@@ -4,10 +4,10 @@ import pytest
 from hypothesis import given, settings
 from hypothesis import strategies as st
 
-from sim_uavs.dynamics.flight import Flight, FlightAnswer, Mode, Reached, StatusText
-from sim_uavs.dynamics.missions import Item, MissionAction
-from sim_uavs.dynamics.quadcopter import Vector, Wind
-from sim_uavs.dynamics.settings import HomePlace, VehicleConfig, VehicleSettings
+from dyknow.sim_uavs.dynamics.flight import Flight, FlightAnswer, Mode, Reached, StatusText
+from dyknow.sim_uavs.dynamics.missions import Item, MissionAction
+from dyknow.sim_uavs.dynamics.quadcopter import Vector, Wind
+from dyknow.sim_uavs.dynamics.settings import HomePlace, VehicleConfig, VehicleSettings
 
 S = 1_000_000
 HOME = HomePlace(55.7240, 13.4600, 20.0)

@@ -5,8 +5,8 @@ import pytest
 from hypothesis import given, settings
 from hypothesis import strategies as st
 
-from sim_uavs.dynamics.guidance import Speeds, approach_speed, velocity_to
-from sim_uavs.dynamics.quadcopter import GRAVITY_M_S2, ZERO, AirframeLimits, Body, Vector, Wind, step, wrapped
+from dyknow.sim_uavs.dynamics.guidance import Speeds, approach_speed, velocity_to
+from dyknow.sim_uavs.dynamics.quadcopter import GRAVITY_M_S2, ZERO, AirframeLimits, Body, Vector, Wind, step, wrapped
 
 LIMITS = AirframeLimits()
 DT_S = 0.02

@@ -3,12 +3,12 @@ from itertools import combinations
 import pytest
 
 from dyknow.model.errors import TextError
-from navigation.geodesy import LocalFrame, distance_m
-from sim_uavs.dynamics.flight import Flight, FlightAnswer
-from sim_uavs.dynamics.quadcopter import Vector
-from sim_uavs.dynamics.routes import circle, hover, patrol
-from sim_uavs.dynamics.scenarios import NAMES, ORIGIN, scenario
-from sim_uavs.dynamics.settings import HomePlace
+from dyknow.navigation.geodesy import LocalFrame, distance_m
+from dyknow.sim_uavs.dynamics.flight import Flight, FlightAnswer
+from dyknow.sim_uavs.dynamics.quadcopter import Vector
+from dyknow.sim_uavs.dynamics.routes import circle, hover, patrol
+from dyknow.sim_uavs.dynamics.scenarios import NAMES, ORIGIN, scenario
+from dyknow.sim_uavs.dynamics.settings import HomePlace
 
 S = 1_000_000
 FRAME = LocalFrame(*ORIGIN)

@@ -3,8 +3,8 @@ import pytest
 from hypothesis import given
 from hypothesis import strategies as st
 
-from sim_uavs.dynamics.quadcopter import GRAVITY_M_S2, ZERO, Body, Vector
-from sim_uavs.dynamics.sensors import (
+from dyknow.sim_uavs.dynamics.quadcopter import GRAVITY_M_S2, ZERO, Body, Vector
+from dyknow.sim_uavs.dynamics.sensors import (
     GpsNoise,
     ImuNoise,
     draw_bias,

@@ -4,13 +4,13 @@ from typing import TypeVar
 
 import pytest
 
-from navigation.mission_plans import MissionItem, MissionPlanReport, MissionStep
-from navigation.vehicle import FailsafeReport, FenceReport, LinkLossAction, MissionReport
-from sim_uavs.dynamics.flight import Mode
-from sim_uavs.dynamics.missions import Item, MissionAction
-from sim_uavs.dynamics.quadcopter import Vector
-from sim_uavs.dynamics.settings import FENCE_HIGHEST, FENCE_RADIUS, HomePlace, VehicleConfig, VehicleSettings
-from sim_uavs.dynamics.vehicles import SimulatedVehicle
+from dyknow.navigation.mission_plans import MissionItem, MissionPlanReport, MissionStep
+from dyknow.navigation.vehicle import FailsafeReport, FenceReport, LinkLossAction, MissionReport
+from dyknow.sim_uavs.dynamics.flight import Mode
+from dyknow.sim_uavs.dynamics.missions import Item, MissionAction
+from dyknow.sim_uavs.dynamics.quadcopter import Vector
+from dyknow.sim_uavs.dynamics.settings import FENCE_HIGHEST, FENCE_RADIUS, HomePlace, VehicleConfig, VehicleSettings
+from dyknow.sim_uavs.dynamics.vehicles import SimulatedVehicle
 
 T = TypeVar("T")
 START_US, S = 1_700_000_000_000_000, 1_000_000

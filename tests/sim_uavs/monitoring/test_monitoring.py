@@ -4,15 +4,15 @@ import os
 
 import pytest
 
-from agents.effects import Specify, Tell
-from compunits import catalogue
-from kpl import parse_specification
-from kpl.linking.declarations import links_in
-from proxies.files.named_files import beside
-from sim_uavs.dynamics.scenarios import scenario
-from sim_uavs.monitoring.specifications import READY
-from sim_uavs.roads.layouts import network_of
-from sim_uavs.streets import roads_of, traffic_of
+from dyknow.agents.effects import Specify, Tell
+from dyknow.compunits import catalogue
+from dyknow.kpl import parse_specification
+from dyknow.kpl.linking.declarations import links_in
+from dyknow.proxies.files.named_files import beside
+from dyknow.sim_uavs.dynamics.scenarios import scenario
+from dyknow.sim_uavs.monitoring.specifications import READY
+from dyknow.sim_uavs.roads.layouts import network_of
+from dyknow.sim_uavs.streets import roads_of, traffic_of
 from tests.agents.capabilities.cameras.watching import START_US, Watching
 from tests.sim_uavs.monitoring.truth import chronicle_of, passages
 

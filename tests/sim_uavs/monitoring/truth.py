@@ -3,8 +3,8 @@
 from collections.abc import Callable, Iterable
 from typing import NamedTuple
 
-from anchoring.roads.network import RoadNetwork
-from sim_uavs.roads.drivers import RoadState
+from dyknow.anchoring.roads.network import RoadNetwork
+from dyknow.sim_uavs.roads.drivers import RoadState
 
 TURNS = {"left": "turn_left_in_crossing", "right": "turn_right_in_crossing", "straight": "straight_through_crossing"}
 """By what the map calls a way through a crossing, the chronicle that is of it."""

@@ -7,7 +7,7 @@ from bench.linkage.__main__ import BARS, GAP
 from bench.linkage.ours import by_links
 from bench.linkage.peers import GRID, by_norfair, per_percept
 from bench.linkage.scores import Shown, Track, mean, quick_idf1, score
-from sim_uavs.roads.scenes import SCENES, RoadRecording, recorded
+from dyknow.sim_uavs.roads.scenes import SCENES, RoadRecording, recorded
 
 
 def perfect(recording: RoadRecording) -> list[Track]:

@@ -8,11 +8,11 @@ from pathlib import Path
 import numpy as np
 import pytest
 
-from anchoring.roads.files.formats import read_roads
+from dyknow.anchoring.roads.files.formats import read_roads
 from dyknow.model.errors import DyknowError
-from sim_uavs.roads.__main__ import main
-from sim_uavs.roads.percepts import PerceptSource, Seeing, SeenPercept
-from sim_uavs.roads.scenes import recorded
+from dyknow.sim_uavs.roads.__main__ import main
+from dyknow.sim_uavs.roads.percepts import PerceptSource, Seeing, SeenPercept
+from dyknow.sim_uavs.roads.scenes import recorded
 
 
 @pytest.mark.parametrize("name", ["one", "two", "clutter"])

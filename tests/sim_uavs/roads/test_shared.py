@@ -6,11 +6,11 @@ import pytest
 from hypothesis import given, settings
 from hypothesis import strategies as st
 
-from sim_uavs.dynamics.scenarios import ORIGIN, scenario
-from sim_uavs.roads.drivers import RoadState
-from sim_uavs.roads.layouts import blocks
-from sim_uavs.roads.shared import ROUND_US, STRIDE_US, SharedTraffic
-from sim_uavs.streets import roads_of, traffic_of
+from dyknow.sim_uavs.dynamics.scenarios import ORIGIN, scenario
+from dyknow.sim_uavs.roads.drivers import RoadState
+from dyknow.sim_uavs.roads.layouts import blocks
+from dyknow.sim_uavs.roads.shared import ROUND_US, STRIDE_US, SharedTraffic
+from dyknow.sim_uavs.streets import roads_of, traffic_of
 
 BEGINS_US = 2_833_333 * ROUND_US
 SOON_US = BEGINS_US + 1_000_000

@@ -8,9 +8,9 @@ import numpy as np
 import pytest
 
 from dyknow.model.errors import WrongCall
-from sim_uavs.roads.__main__ import main
-from sim_uavs.roads.percepts import PerceptSource, Seeing
-from sim_uavs.roads.sumo import floating_cars
+from dyknow.sim_uavs.roads.__main__ import main
+from dyknow.sim_uavs.roads.percepts import PerceptSource, Seeing
+from dyknow.sim_uavs.roads.sumo import floating_cars
 
 TEXT = """<?xml version="1.0" encoding="UTF-8"?>
 <fcd-export xmlns:xsi="http://www.w3.org/2001/XMLSchema-instance">

@@ -9,12 +9,12 @@ import pytest
 from hypothesis import given
 from hypothesis import strategies as st
 
-from anchoring.roads.network import RoadNetwork
+from dyknow.anchoring.roads.network import RoadNetwork
 from dyknow.model.errors import DyknowError
-from sim_uavs.roads.drivers import BUILDS, Driver, RoadState, drawn
-from sim_uavs.roads.layouts import LAYOUTS, bends, cross, layout, network_of, straight, town
-from sim_uavs.roads.lines import DrivenLine, turned
-from sim_uavs.roads.traffic import SimulatedTraffic
+from dyknow.sim_uavs.roads.drivers import BUILDS, Driver, RoadState, drawn
+from dyknow.sim_uavs.roads.layouts import LAYOUTS, bends, cross, layout, network_of, straight, town
+from dyknow.sim_uavs.roads.lines import DrivenLine, turned
+from dyknow.sim_uavs.roads.traffic import SimulatedTraffic
 
 
 def driven(network: RoadNetwork, drivers: list[Driver], seconds: int, seed: int = 1) -> list[list[RoadState]]:

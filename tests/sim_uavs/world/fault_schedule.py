@@ -7,8 +7,8 @@ from collections.abc import Callable, Sequence
 from random import Random
 from typing import Final, NamedTuple
 
-from sim_uavs.world.sessions import SessionLink
-from sim_uavs.world.world import World
+from dyknow.sim_uavs.world.sessions import SessionLink
+from dyknow.sim_uavs.world.world import World
 
 DEAF_US: Final = 9_000_000
 """The longest a deaf pair stays so: a watchdog opens the session again."""

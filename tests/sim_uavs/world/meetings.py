@@ -6,19 +6,19 @@ from math import cos, dist, radians, sin
 from random import Random
 from typing import Final, NamedTuple
 
-from agents.capabilities.separation.giving_way import GivingWay
-from agents.config import PlatformConfig
-from agents.places import FlightPlan, Waypoint
-from federation.messages.contents import MonitorProximity
-from federation.messages.dialogue import Dialogue
-from navigation.geodesy import LocalFrame
-from sim_uavs.dynamics.faults import parse_fault
-from sim_uavs.dynamics.flight import Mode
-from sim_uavs.dynamics.missions import Item, MissionAction
-from sim_uavs.dynamics.quadcopter import AirframeLimits, Vector
-from sim_uavs.dynamics.scenarios import ORIGIN
-from sim_uavs.dynamics.settings import HomePlace, PersonaName, VehicleConfig, VehicleSettings
-from sim_uavs.world.world import World
+from dyknow.agents.capabilities.separation.giving_way import GivingWay
+from dyknow.agents.config import PlatformConfig
+from dyknow.agents.places import FlightPlan, Waypoint
+from dyknow.federation.messages.contents import MonitorProximity
+from dyknow.federation.messages.dialogue import Dialogue
+from dyknow.navigation.geodesy import LocalFrame
+from dyknow.sim_uavs.dynamics.faults import parse_fault
+from dyknow.sim_uavs.dynamics.flight import Mode
+from dyknow.sim_uavs.dynamics.missions import Item, MissionAction
+from dyknow.sim_uavs.dynamics.quadcopter import AirframeLimits, Vector
+from dyknow.sim_uavs.dynamics.scenarios import ORIGIN
+from dyknow.sim_uavs.dynamics.settings import HomePlace, PersonaName, VehicleConfig, VehicleSettings
+from dyknow.sim_uavs.world.world import World
 from tests.sim_uavs.wired import WiredVehicle
 from tests.sim_uavs.worlds import FRAME, place
 

@@ -5,7 +5,6 @@ Twenty seeds, spread over the thousand that `-m full` takes.
 
 import pytest
 
-from agents.places import FlightLimits
 from bench.__main__ import measured
 from bench.campaign.drawing import TROUBLES, situation
 from bench.campaign.flying import FRAME, CampaignFlight
@@ -14,11 +13,12 @@ from bench.campaign.running import LEAST_S, run
 from bench.campaign.situations import AUTO, GOTO, HOVER, STATION, DrawnVehicle, Situation, Trouble, Way, are_apart
 from bench.campaign.watching import LEAST_M, Watch
 from bench.rows import Options
-from federation.messages.contents import MonitorProximity
-from navigation.fences import FenceKind, fence_refusal
-from sim_uavs.dynamics.flight import Mode
-from sim_uavs.dynamics.quadcopter import AirframeLimits, Vector, Wind
-from sim_uavs.dynamics.settings import PersonaName, VehicleSettings
+from dyknow.agents.places import FlightLimits
+from dyknow.federation.messages.contents import MonitorProximity
+from dyknow.navigation.fences import FenceKind, fence_refusal
+from dyknow.sim_uavs.dynamics.flight import Mode
+from dyknow.sim_uavs.dynamics.quadcopter import AirframeLimits, Vector, Wind
+from dyknow.sim_uavs.dynamics.settings import PersonaName, VehicleSettings
 
 SHORT = 20
 SEEDS = [pytest.param(seed, marks=() if seed <= SHORT else pytest.mark.full) for seed in range(1, 1001)]

@@ -6,7 +6,6 @@ from math import cos, radians, sin
 
 import pytest
 
-from agents.places import FlightLimits
 from bench.campaign.running import CampaignRun, run
 from bench.campaign.situations import (
     AUTO_LEAVE,
@@ -22,8 +21,9 @@ from bench.campaign.situations import (
     Trouble,
     Way,
 )
-from sim_uavs.dynamics.quadcopter import AirframeLimits, Vector, Wind
-from sim_uavs.dynamics.settings import PersonaName, VehicleSettings
+from dyknow.agents.places import FlightLimits
+from dyknow.sim_uavs.dynamics.quadcopter import AirframeLimits, Vector, Wind
+from dyknow.sim_uavs.dynamics.settings import PersonaName, VehicleSettings
 
 AUTOPILOTS = [pytest.param(None, id="simulated"), "ardupilot", "px4"]
 MOST = [AUTOPILOTS[0], *(pytest.param(persona, marks=pytest.mark.full) for persona in ("ardupilot", "px4"))]

@@ -4,7 +4,7 @@ from random import Random
 
 import pytest
 
-from federation.transport import (
+from dyknow.federation.transport import (
     Answer,
     Answered,
     AnswerEnd,
@@ -22,9 +22,9 @@ from federation.transport import (
     Urgency,
     WatchTokens,
 )
-from sim_uavs.world.agenda import Agenda
-from sim_uavs.world.sessions import SessionLink
-from sim_uavs.world.wire import Wire
+from dyknow.sim_uavs.world.agenda import Agenda
+from dyknow.sim_uavs.world.sessions import SessionLink
+from dyknow.sim_uavs.world.wire import Wire
 from tests.sim_uavs.worlds import kept_by
 
 S = 1_000_000

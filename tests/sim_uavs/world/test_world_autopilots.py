@@ -4,11 +4,11 @@ from typing import Any
 
 import pytest
 
-from navigation.intents.meeting import MINIMA
-from reasoning import NEITHER_CAN_AVOID
-from sim_uavs.dynamics.flight import Mode
-from sim_uavs.dynamics.quadcopter import AirframeLimits, Vector
-from sim_uavs.dynamics.settings import PersonaName, VehicleSettings
+from dyknow.navigation.intents.meeting import MINIMA
+from dyknow.reasoning import NEITHER_CAN_AVOID
+from dyknow.sim_uavs.dynamics.flight import Mode
+from dyknow.sim_uavs.dynamics.quadcopter import AirframeLimits, Vector
+from dyknow.sim_uavs.dynamics.settings import PersonaName, VehicleSettings
 from tests.sim_uavs.world.meetings import Flown, Meeting, Trouble
 from tests.sim_uavs.worlds import alarms, separations_m
 

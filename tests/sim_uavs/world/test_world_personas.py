@@ -9,9 +9,9 @@ from itertools import combinations
 import pytest
 from pymavlink.dialects.v20 import ardupilotmega as mavlink
 
-from navigation.vehicle import MISSION_MODES, InterruptOrder, MissionItemOrder, ResumeMissionOrder
-from reasoning import NEITHER_CAN_AVOID
-from sim_uavs.dynamics.flight import GUIDED_MODES, Mode
+from dyknow.navigation.vehicle import MISSION_MODES, InterruptOrder, MissionItemOrder, ResumeMissionOrder
+from dyknow.reasoning import NEITHER_CAN_AVOID
+from dyknow.sim_uavs.dynamics.flight import GUIDED_MODES, Mode
 from tests.sim_uavs.wired import SentOrder
 from tests.sim_uavs.world.meetings import Meeting, S, draw
 from tests.sim_uavs.worlds import alarms, separations_m

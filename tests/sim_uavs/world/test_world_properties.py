@@ -13,10 +13,10 @@ from pathlib import Path
 
 import pytest
 
-from agents.monitoring.alarm_log import AlarmLog
-from federation.messages.contents import MonitorProximity
-from federation.messages.dialogue import Dialogue
-from federation.sharing.exports import LINGER_US
+from dyknow.agents.monitoring.alarm_log import AlarmLog
+from dyknow.federation.messages.contents import MonitorProximity
+from dyknow.federation.messages.dialogue import Dialogue
+from dyknow.federation.sharing.exports import LINGER_US
 from tests.sim_uavs.oracle import MAX_DELAY_US, PERIOD_US, heard_in, spans, truly_violated, unalarmed, unfounded
 from tests.sim_uavs.world.fault_schedule import ScheduledFault, arrange, draw_faults
 from tests.sim_uavs.worlds import WatchedWorld, cancel_task, crowd, fly_scenario, is_down, kept_by, leaders, raised

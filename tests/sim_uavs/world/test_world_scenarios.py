@@ -2,13 +2,13 @@
 
 import pytest
 
-from agents.capabilities.flight.options import AvoidanceOptions
-from agents.options import Chosen
-from federation.messages.acts import Performative
-from federation.messages.contents import Answers, MonitorProximity, Query
-from federation.sharing.ontology import default_ontology
-from federation.sharing.translation import Translation
-from navigation.vehicle import Command, GoToOrder
+from dyknow.agents.capabilities.flight.options import AvoidanceOptions
+from dyknow.agents.options import Chosen
+from dyknow.federation.messages.acts import Performative
+from dyknow.federation.messages.contents import Answers, MonitorProximity, Query
+from dyknow.federation.sharing.ontology import default_ontology
+from dyknow.federation.sharing.translation import Translation
+from dyknow.navigation.vehicle import Command, GoToOrder
 from tests.sim_uavs.worlds import (
     PLAN_US,
     alarms,

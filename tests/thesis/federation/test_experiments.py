@@ -6,7 +6,7 @@ import pytest
 
 from bench.figures.thesis import picture
 from bench.streams.experiments import EXPERIMENTS, ByCalls, InInstance, of_one_source, of_sources, of_units
-from kpl import parse_specification
+from dyknow.kpl import parse_specification
 
 FIRST_US = 1_000_000
 

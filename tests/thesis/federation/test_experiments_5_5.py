@@ -5,9 +5,9 @@ from pathlib import Path
 
 import pytest
 
-from compunits import load_module, prototypes_of
 from dyknow import Network, Sample
-from kpl import Hooks, Instance, parse_specification
+from dyknow.compunits import load_module, prototypes_of
+from dyknow.kpl import Hooks, Instance, parse_specification
 
 EXPERIMENTS = Path(__file__).parents[3] / "examples" / "experiments"
 PERIOD_US = 100_000

@@ -4,14 +4,13 @@ from itertools import pairwise
 
 import pytest
 
-from agents.exchange.federation_agent import FederationAgent
-from agents.exchange.gateway import stream_policy
-from agents.platform import Platform
 from dyknow import Label, Policy, Sample, UnknownLabel, ValueNotAvailable
-from dyknow.model.errors import Refused
-from federation import keys
-from federation.messages.acts import Performative
-from federation.messages.contents import (
+from dyknow.agents.exchange.federation_agent import FederationAgent
+from dyknow.agents.exchange.gateway import stream_policy
+from dyknow.agents.platform import Platform
+from dyknow.federation import keys
+from dyknow.federation.messages.acts import Performative
+from dyknow.federation.messages.contents import (
     Answers,
     CreateMulticast,
     Directory,
@@ -26,9 +25,10 @@ from federation.messages.contents import (
     Stream,
     read,
 )
-from federation.sharing.ontology import default_ontology
-from federation.sharing.translation import Translation
-from federation.transport import Put
+from dyknow.federation.sharing.ontology import default_ontology
+from dyknow.federation.sharing.translation import Translation
+from dyknow.federation.transport import Put
+from dyknow.model.errors import Refused
 from tests.box import EPOCH, Box, Question, Vehicle
 from tests.federation.expressions import parse_expr
 from tests.satisfaction import satisfied

@@ -2,9 +2,9 @@
 
 import pytest
 
-from federation.messages import contents
-from federation.messages.acts import Act, AgentName, Performative, parse_act
-from federation.messages.contents import CreateMonitor, CreateMulticast, MonitorProximity
+from dyknow.federation.messages import contents
+from dyknow.federation.messages.acts import Act, AgentName, Performative, parse_act
+from dyknow.federation.messages.contents import CreateMonitor, CreateMulticast, MonitorProximity
 from tests.federation.expressions import parse_expr
 
 CREATE_MULTICAST = "(create-multicast semantic-labels: (sequence heli-position heli-altitude) sample-period: 1.0 delay: 1.0 to-units: (sequence 0))"

@@ -2,10 +2,10 @@
 
 import pytest
 
-from agents.admission.admission import Admission
-from agents.monitoring.alarm_log import AlarmLog
-from federation.messages.acts import Act, Performative
-from federation.messages.contents import (
+from dyknow.agents.admission.admission import Admission
+from dyknow.agents.monitoring.alarm_log import AlarmLog
+from dyknow.federation.messages.acts import Act, Performative
+from dyknow.federation.messages.contents import (
     AddDeclarations,
     Alarm,
     CreateMonitor,

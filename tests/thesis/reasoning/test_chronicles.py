@@ -5,9 +5,16 @@ from typing import Final
 import pytest
 
 from dyknow import Label
+from dyknow.kpl.syntax.chronicles import parse_chronicles
 from dyknow.model.errors import ChronicleError, DyknowError
-from kpl.syntax.chronicles import parse_chronicles
-from reasoning.chronicles import MINUS_INFINITY, ChangeEvents, ChronicleInstance, Interval, Recogniser, symbol_set
+from dyknow.reasoning.chronicles import (
+    MINUS_INFINITY,
+    ChangeEvents,
+    ChronicleInstance,
+    Interval,
+    Recogniser,
+    symbol_set,
+)
 
 OVERTAKE: Final = """
 chronicle overtake[?car1, ?car2]

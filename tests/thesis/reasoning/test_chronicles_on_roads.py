@@ -6,9 +6,9 @@ from random import Random
 
 import pytest
 
-from kpl import parse_chronicles
-from reasoning.chronicles import Recogniser
-from reasoning.chronicles.recognition.events import read_events
+from dyknow.kpl import parse_chronicles
+from dyknow.reasoning.chronicles import Recogniser
+from dyknow.reasoning.chronicles.recognition.events import read_events
 from tests.thesis.reasoning import traffic
 from tests.thesis.reasoning.traffic import (
     EXAMPLES,

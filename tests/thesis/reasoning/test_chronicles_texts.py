@@ -2,9 +2,9 @@
 
 import pytest
 
+from dyknow.kpl import parse_chronicles, print_chronicles
 from dyknow.model.errors import TextError
-from kpl import parse_chronicles, print_chronicles
-from reasoning.chronicles import (
+from dyknow.reasoning.chronicles import (
     Attribute,
     Chronicle,
     ChronicleVariable,
@@ -30,7 +30,7 @@ from reasoning.chronicles import (
     Variables,
     symbol_set,
 )
-from reasoning.chronicles.definition.domains import RESERVED
+from dyknow.reasoning.chronicles.definition.domains import RESERVED
 
 CAR = ChronicleVariable("car")
 

@@ -4,9 +4,9 @@ import pytest
 from hypothesis import HealthCheck, given, settings
 from hypothesis import strategies as st
 
-from kpl import FeatureType, Vocabulary, parse_formula, print_formula, profile_formula, read_formula
-from reasoning import Monitor, builtin_profiles, make_progression, read_trace, split_growing
-from reasoning.formulas.tree import Duration
+from dyknow.kpl import FeatureType, Vocabulary, parse_formula, print_formula, profile_formula, read_formula
+from dyknow.reasoning import Monitor, builtin_profiles, make_progression, read_trace, split_growing
+from dyknow.reasoning.formulas.tree import Duration
 from tests.kpl.instances import Running
 from tests.reasoning.meaning import State, verdict
 from tests.reasoning.oracle import naive

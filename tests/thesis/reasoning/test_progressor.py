@@ -6,8 +6,8 @@ import pytest
 from hypothesis import given, settings
 from hypothesis import strategies as st
 
-from kpl import print_formula, read_formula
-from reasoning import make_progression, remaining
+from dyknow.kpl import print_formula, read_formula
+from dyknow.reasoning import make_progression, remaining
 from tests.reasoning.meaning import State
 from tests.reasoning.typed_formulas import UNIT_US, VOCABULARY, nested_operators, traces
 

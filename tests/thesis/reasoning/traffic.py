@@ -14,10 +14,10 @@ from pathlib import Path
 from random import Random
 from typing import NamedTuple, TypeAlias
 
-from compunits.motion import turn_deg
-from compunits.relations import CAR_RELATIONS
 from dyknow import Sample
-from navigation import LocalFrame
+from dyknow.compunits.motion import turn_deg
+from dyknow.compunits.relations import CAR_RELATIONS
+from dyknow.navigation import LocalFrame
 from tests.compunits.units import process, value_of
 
 PERIOD_MS = 100

@@ -8,7 +8,7 @@ from typing import Any, TypeAlias
 from hypothesis import strategies as st
 
 from dyknow import Label, Policy
-from kpl.syntax.specification import (
+from dyknow.kpl.syntax.specification import (
     Declaration,
     FromSource,
     GeneratorDeclaration,

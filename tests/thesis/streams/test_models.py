@@ -9,8 +9,8 @@ from hypothesis import given
 from hypothesis import strategies as st
 
 from dyknow import NO_VALUE, Label, Policy, Sample, UnitPrototype, of_values
+from dyknow.kpl import parse_specification
 from dyknow.network.computational_unit import latest_valid_us
-from kpl import parse_specification
 from tests.dyknow.networks import pass_time
 from tests.kpl.instances import Running
 from tests.strategies import definition, gridded_streams, policies, rows

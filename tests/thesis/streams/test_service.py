@@ -20,10 +20,10 @@ from dyknow import (
     ValueNotAvailable,
     of_values,
 )
+from dyknow.kpl import parse_specification
 from dyknow.model.errors import PolicyNotSupported, PrototypeExists, WrongNumberOfInputs
 from dyknow.network.factory import Prototypes, process_of
 from dyknow.network.process import Input
-from kpl import parse_specification
 from tests.dyknow.networks import pass_time
 from tests.kpl.instances import Running
 from tests.strategies import definition, gridded_streams, policies

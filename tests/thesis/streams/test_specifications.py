@@ -3,15 +3,15 @@
 import pytest
 
 from dyknow import Label, Sample, UnitPrototype, of_values
-from dyknow.model.errors import TextErrors
-from kpl import parse_specification
-from kpl.syntax.specification import (
+from dyknow.kpl import parse_specification
+from dyknow.kpl.syntax.specification import (
     GeneratorDeclaration,
     Refinement,
     SourceDeclaration,
     StreamDeclaration,
     UnitDeclaration,
 )
+from dyknow.model.errors import TextErrors
 from tests.kpl.instances import Running
 from tests.kpl.syntax.test_statements import CARS
 

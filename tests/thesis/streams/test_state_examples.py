@@ -5,9 +5,9 @@ from typing import Any, NamedTuple
 import pytest
 
 from dyknow import History, Label, Network, Policy, PolicyError, Sample, Sort, StateInput, StatePolicy, Synchronizer
+from dyknow.kpl import parse_specification
 from dyknow.network.process import Input
 from dyknow.states.state_streams import StateStreamProcess
-from kpl import parse_specification
 from tests.kpl.instances import Running
 from tests.thesis.streams import state_pseudocode as thesis
 from tests.thesis.streams.stream_definitions import stream

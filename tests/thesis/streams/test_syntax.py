@@ -7,10 +7,8 @@ from hypothesis import given
 from hypothesis import strategies as st
 
 from dyknow import Label, Policy, TextError
-from dyknow.model.errors import TextErrors
-from dyknow.model.labels import RESERVED
-from kpl import Known, parse_specification
-from kpl.syntax.specification import (
+from dyknow.kpl import Known, parse_specification
+from dyknow.kpl.syntax.specification import (
     Declaration,
     FromSource,
     GeneratorDeclaration,
@@ -20,6 +18,8 @@ from kpl.syntax.specification import (
     StreamTerm,
     UnitDeclaration,
 )
+from dyknow.model.errors import TextErrors
+from dyknow.model.labels import RESERVED
 from tests.kpl.specifications import check_specification
 from tests.strategies import definition
 from tests.thesis.streams.kpl_grammar import KEYWORDS, labels, policies, specifications

@@ -7,12 +7,12 @@ from collections import Counter
 import numpy as np
 import pytest
 
-from anchoring.roads.turns import TURNS
 from bench.crossings.passes import car_passes
 from bench.crossings.recognition import CHRONICLE_OF, counted, links
-from kpl import parse_chronicles
-from reasoning.chronicles import Recogniser
-from reasoning.chronicles.recognition.events import read_events
+from dyknow.anchoring.roads.turns import TURNS
+from dyknow.kpl import parse_chronicles
+from dyknow.reasoning.chronicles import Recogniser
+from dyknow.reasoning.chronicles.recognition.events import read_events
 from tests.thesis.traffic.written import EXAMPLES
 
 TIMES = 84 if os.environ.get("DYKNOW_FULL") else 1

@@ -9,10 +9,10 @@ from bench.crossings.recognition import CHRONICLE_OF, anchored, chronicles, link
 from bench.overtakes.drives import Seen
 from bench.overtakes.recognition import recognised
 from dyknow import Label
-from reasoning.chronicles import ChangeEvents, Recogniser
-from sim_uavs.roads.drivers import Driver
-from sim_uavs.roads.layouts import cross, network_of, straight
-from sim_uavs.roads.traffic import SimulatedTraffic
+from dyknow.reasoning.chronicles import ChangeEvents, Recogniser
+from dyknow.sim_uavs.roads.drivers import Driver
+from dyknow.sim_uavs.roads.layouts import cross, network_of, straight
+from dyknow.sim_uavs.roads.traffic import SimulatedTraffic
 
 SEEDS = range(40 if os.environ.get("DYKNOW_FULL") else 2)
 ERROR_M = 2.0

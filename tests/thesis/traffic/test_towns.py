@@ -5,7 +5,7 @@ import os
 from collections import Counter
 
 from bench.traffic.town import judged, minute
-from sim_uavs.roads.layouts import network_of, town
+from dyknow.sim_uavs.roads.layouts import network_of, town
 from tests.command import run
 from tests.docs.pages import ROOT, environment
 from tests.thesis.traffic.written import EXAMPLES

@@ -15,7 +15,7 @@ from bench.crossings.recognition import seen as seen_places
 from bench.overtakes.drives import LANE_M, oncoming_too_near, seen
 from bench.overtakes.recognition import LINK, relations
 from bench.traffic.situations import drawn, lines
-from compunits import NO_CROSSING, ROAD_RELATIONS
+from dyknow.compunits import NO_CROSSING, ROAD_RELATIONS
 
 EXAMPLES = Path(__file__).parents[3] / "examples" / "traffic"
 

@@ -10,9 +10,9 @@ from collections.abc import Callable
 from math import hypot
 from typing import Final
 
-from navigation.intents.intent import IntendedPlace, Intent, IntentEnding, IntentSource
-from navigation.intents.path import STEP_S, FlatOrigin, nominal
-from reasoning import NONCONFORMING, AlarmEvent
+from dyknow.navigation.intents.intent import IntendedPlace, Intent, IntentEnding, IntentSource
+from dyknow.navigation.intents.path import STEP_S, FlatOrigin, nominal
+from dyknow.reasoning import NONCONFORMING, AlarmEvent
 
 AFTER_US: Final = 2_000_000
 """The age of the intent with which the present position is compared."""

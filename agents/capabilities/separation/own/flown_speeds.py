@@ -3,9 +3,9 @@
 from collections import deque
 from typing import Final
 
-from agents.places import Fix
-from navigation.cruise import CruiseReport
-from navigation.intents.intent import CLIMB_M_S, DESCENT_M_S, SPEED_M_S
+from dyknow.agents.places import Fix
+from dyknow.navigation.cruise import CruiseReport
+from dyknow.navigation.intents.intent import CLIMB_M_S, DESCENT_M_S, SPEED_M_S
 
 OVER_US: Final = 2_000_000
 """Time between the two speeds whose difference shows whether the vehicle gains speed."""

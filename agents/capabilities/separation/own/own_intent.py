@@ -19,15 +19,15 @@ from collections.abc import Sequence
 from math import hypot
 from typing import Final, NamedTuple
 
-from agents.capabilities.flight.arbiter import ENDINGS, Commander, unready
-from agents.capabilities.flight.errand import OrderProgress
-from agents.capabilities.flight.heard_vehicle import InterruptedMission
-from agents.capabilities.flight.pilot import Pilot
-from agents.capabilities.separation.own.flown_speeds import FlownSpeeds
-from agents.capabilities.separation.records import MOST_DELAY_S, MOST_SPEED_M_S
-from agents.places import Fix, FlightPlan
-from navigation.geodesy import distance_m
-from navigation.intents.intent import (
+from dyknow.agents.capabilities.flight.arbiter import ENDINGS, Commander, unready
+from dyknow.agents.capabilities.flight.errand import OrderProgress
+from dyknow.agents.capabilities.flight.heard_vehicle import InterruptedMission
+from dyknow.agents.capabilities.flight.pilot import Pilot
+from dyknow.agents.capabilities.separation.own.flown_speeds import FlownSpeeds
+from dyknow.agents.capabilities.separation.records import MOST_DELAY_S, MOST_SPEED_M_S
+from dyknow.agents.places import Fix, FlightPlan
+from dyknow.navigation.geodesy import distance_m
+from dyknow.navigation.intents.intent import (
     MOST_LEGS,
     SPEED_M_S,
     Contingency,
@@ -37,8 +37,8 @@ from navigation.intents.intent import (
     IntentSource,
     RightOfWay,
 )
-from navigation.mission_plans import MissionItem, MissionStep
-from navigation.vehicle import (
+from dyknow.navigation.mission_plans import MissionItem, MissionStep
+from dyknow.navigation.vehicle import (
     MISSION_MODES,
     MODES_OF,
     FailsafeReport,

@@ -4,9 +4,9 @@ from collections.abc import Sequence
 from math import atan2, hypot, pi
 from typing import Any, NamedTuple
 
-from agents.effects import Fed, Reported
 from dyknow import NO_VALUE
-from federation.messages.contents import (
+from dyknow.agents.effects import Fed, Reported
+from dyknow.federation.messages.contents import (
     MissionEntry,
     MissionList,
     MissionQuery,
@@ -16,8 +16,8 @@ from federation.messages.contents import (
     Tasks,
     WantObject,
 )
-from federation.messages.dialogue import Dialogue
-from navigation.vehicle import ImageReport
+from dyknow.federation.messages.dialogue import Dialogue
+from dyknow.navigation.vehicle import ImageReport
 from tests.agents.capabilities.attention.chase import Chase, said
 
 SEEN = """

@@ -4,12 +4,12 @@ from math import hypot
 
 import pytest
 
-from agents.capabilities.anchors.looking_again import MOST_RECOVERIES
-from agents.capabilities.anchors.recovering import RecoveringAnchors
-from agents.capabilities.attention.following import Following
-from federation.messages.contents import AnswerQuestion, ControlMission, FlyMission, Follow, WantObject
-from navigation.vehicle import HoldOrder
-from sim_uavs.dynamics.faults import parse_fault
+from dyknow.agents.capabilities.anchors.looking_again import MOST_RECOVERIES
+from dyknow.agents.capabilities.anchors.recovering import RecoveringAnchors
+from dyknow.agents.capabilities.attention.following import Following
+from dyknow.federation.messages.contents import AnswerQuestion, ControlMission, FlyMission, Follow, WantObject
+from dyknow.navigation.vehicle import HoldOrder
+from dyknow.sim_uavs.dynamics.faults import parse_fault
 from tests.agents.capabilities.anchors.field import MARKED, Field, Standing
 from tests.agents.capabilities.attention.chase import said
 from tests.agents.capabilities.missions.flown import DOMAIN, ONE

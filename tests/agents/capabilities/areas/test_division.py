@@ -5,12 +5,12 @@ import math
 import pytest
 import shapely
 
-from agents.capabilities.areas.assignment import MOST_FOR_ONE, AreaAssignment
-from agents.capabilities.areas.division import MOST, MOST_OF_ONE, AreaDivision
-from agents.effects import Fed
-from federation.messages.acts import Act, AgentName, Performative
-from federation.messages.codec import encode_act
-from federation.messages.contents import AreaRing, AssignArea, DivideArea, Progress, Query, Samples
+from dyknow.agents.capabilities.areas.assignment import MOST_FOR_ONE, AreaAssignment
+from dyknow.agents.capabilities.areas.division import MOST, MOST_OF_ONE, AreaDivision
+from dyknow.agents.effects import Fed
+from dyknow.federation.messages.acts import Act, AgentName, Performative
+from dyknow.federation.messages.codec import encode_act
+from dyknow.federation.messages.contents import AreaRing, AssignArea, DivideArea, Progress, Query, Samples
 from tests.agents.rosters import trust
 from tests.box import Box, Question
 

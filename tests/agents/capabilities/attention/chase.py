@@ -4,22 +4,22 @@ from collections.abc import Callable, Sequence
 from dataclasses import replace
 from typing import Any
 
-from agents.capabilities.attention.camera_attention import CameraAttention
-from agents.capabilities.attention.following import Following
-from agents.config import PlatformConfig
-from agents.effects import Fed, Specify
-from agents.platform import Platform
 from dyknow import Label, Policy, Sample
-from federation.messages.contents import Content, Done, Progress, Reason
-from federation.messages.dialogue import Dialogue
-from federation.security.trust import Trust
-from navigation.cameras.pinhole import Intrinsics
-from navigation.cameras.rig import CameraRig
-from navigation.geodesy import LocalFrame
-from navigation.vehicle import Command, GoToOrder, LookAtOrder, Report
-from sim_uavs.dynamics.scenarios import ORIGIN, scenario
-from sim_uavs.dynamics.vehicles import SimulatedVehicle
-from sim_uavs.world.world import START_US, World
+from dyknow.agents.capabilities.attention.camera_attention import CameraAttention
+from dyknow.agents.capabilities.attention.following import Following
+from dyknow.agents.config import PlatformConfig
+from dyknow.agents.effects import Fed, Specify
+from dyknow.agents.platform import Platform
+from dyknow.federation.messages.contents import Content, Done, Progress, Reason
+from dyknow.federation.messages.dialogue import Dialogue
+from dyknow.federation.security.trust import Trust
+from dyknow.navigation.cameras.pinhole import Intrinsics
+from dyknow.navigation.cameras.rig import CameraRig
+from dyknow.navigation.geodesy import LocalFrame
+from dyknow.navigation.vehicle import Command, GoToOrder, LookAtOrder, Report
+from dyknow.sim_uavs.dynamics.scenarios import ORIGIN, scenario
+from dyknow.sim_uavs.dynamics.vehicles import SimulatedVehicle
+from dyknow.sim_uavs.world.world import START_US, World
 
 LINKS = """
 sort vision-object(symbol in text, x_m in m, y_m in m, end in bool)

@@ -4,10 +4,10 @@ from math import pi
 
 import pytest
 
-from agents.capabilities.flight.pilot import Pilot
-from federation.messages.contents import Attend, Follow, WantObject
-from navigation.vehicle import LookAtOrder, PointMountOrder
-from sim_uavs.roads.layouts import cross, network_of
+from dyknow.agents.capabilities.flight.pilot import Pilot
+from dyknow.federation.messages.contents import Attend, Follow, WantObject
+from dyknow.navigation.vehicle import LookAtOrder, PointMountOrder
+from dyknow.sim_uavs.roads.layouts import cross, network_of
 from tests.agents.capabilities.attention.chase import FED, FRAME, Chase, said
 
 

@@ -4,18 +4,18 @@ from math import hypot, inf, nan
 
 import pytest
 
-from agents.capabilities.attention.following import Following
-from agents.capabilities.attention.requests import ATTEND, FOLLOW
-from agents.capabilities.attention.standoff import Leaps, Whereabouts, expected, goal
-from agents.capabilities.flight.pilot import Pilot
-from agents.capabilities.flight.requests import FLIGHT
-from agents.places import FlightLimits
-from agents.tasks.requests import LATER
-from anchoring.attention.watched import WatchedPlace
-from federation.messages.contents import Follow, Goto
-from federation.messages.dialogue import Dialogue
-from navigation.vehicle import HoldOrder
-from sim_uavs.dynamics.faults import parse_fault
+from dyknow.agents.capabilities.attention.following import Following
+from dyknow.agents.capabilities.attention.requests import ATTEND, FOLLOW
+from dyknow.agents.capabilities.attention.standoff import Leaps, Whereabouts, expected, goal
+from dyknow.agents.capabilities.flight.pilot import Pilot
+from dyknow.agents.capabilities.flight.requests import FLIGHT
+from dyknow.agents.places import FlightLimits
+from dyknow.agents.tasks.requests import LATER
+from dyknow.anchoring.attention.watched import WatchedPlace
+from dyknow.federation.messages.contents import Follow, Goto
+from dyknow.federation.messages.dialogue import Dialogue
+from dyknow.navigation.vehicle import HoldOrder
+from dyknow.sim_uavs.dynamics.faults import parse_fault
 from tests.agents.capabilities.attention.chase import FED, LINKS, Chase, said
 
 TAKEN = ("inform", "follows co1: acknowledged, and seen in the vehicle's target")

@@ -2,11 +2,11 @@
 
 import pytest
 
-from agents.capabilities.attention.wanting import MOST_OF_ONE, Wanting
-from agents.effects import Fed
-from federation.messages.acts import Performative
-from federation.messages.contents import ObjectEvents, ObjectList, TaskList, Tasks, WantObject
-from federation.messages.dialogue import Dialogue
+from dyknow.agents.capabilities.attention.wanting import MOST_OF_ONE, Wanting
+from dyknow.agents.effects import Fed
+from dyknow.federation.messages.acts import Performative
+from dyknow.federation.messages.contents import ObjectEvents, ObjectList, TaskList, Tasks, WantObject
+from dyknow.federation.messages.dialogue import Dialogue
 from tests.agents.capabilities.attention.chase import Chase, said
 
 SEEN = """

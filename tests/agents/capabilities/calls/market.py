@@ -3,10 +3,10 @@
 from collections.abc import Mapping
 from typing import Any
 
-from agents.capabilities.calls.calls import Calls
-from agents.effects import Fed
 from dyknow import Quality
-from federation.calls.call import StreamCall
+from dyknow.agents.capabilities.calls.calls import Calls
+from dyknow.agents.effects import Fed
+from dyknow.federation.calls.call import StreamCall
 from tests.box import Box
 
 LABEL = 'sort level in bar\nlabel gas-level : level "how much gas there is"\n'

@@ -5,12 +5,12 @@ from pathlib import Path
 
 import pytest
 
-from agents.capabilities.calls.bids import OF_ONE, Bids
-from agents.capabilities.calls.calls import Calls
-from agents.effects import Specify
-from agents.specification.specification_part import SpecificationPart
-from federation.messages.acts import Performative
-from federation.messages.contents import (
+from dyknow.agents.capabilities.calls.bids import OF_ONE, Bids
+from dyknow.agents.capabilities.calls.calls import Calls
+from dyknow.agents.effects import Specify
+from dyknow.agents.specification.specification_part import SpecificationPart
+from dyknow.federation.messages.acts import Performative
+from dyknow.federation.messages.contents import (
     CallForStream,
     CreateMulticast,
     LeaveProposal,

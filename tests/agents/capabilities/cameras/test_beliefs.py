@@ -6,11 +6,11 @@ from pathlib import Path
 
 import pytest
 
-from agents.effects import Specify
-from agents.specification.object_queries import ObjectQueries
 from dyknow import Label
+from dyknow.agents.effects import Specify
+from dyknow.agents.specification.object_queries import ObjectQueries
+from dyknow.kpl.linking.beliefs import BeliefStream
 from dyknow.policies.ahead import moved_on
-from kpl.linking.beliefs import BeliefStream
 from tests.agents.capabilities.cameras.watching import Watching
 
 MODEL = Path("sim_uavs/monitoring/world.toml").read_text("utf-8")

@@ -6,11 +6,11 @@ from math import atan2, degrees, hypot, inf, nan, radians
 import numpy as np
 import pytest
 
-from agents.capabilities.cameras.cameras import Cameras
-from agents.effects import Pressed
-from agents.shedding import Shedding
-from anchoring.belief.sensing import inside
-from navigation.vehicle import AttitudeReport, ImageDetection, ImageReport, LookAtOrder, MountReport
+from dyknow.agents.capabilities.cameras.cameras import Cameras
+from dyknow.agents.effects import Pressed
+from dyknow.agents.shedding import Shedding
+from dyknow.anchoring.belief.sensing import inside
+from dyknow.navigation.vehicle import AttitudeReport, ImageDetection, ImageReport, LookAtOrder, MountReport
 from tests.agents.capabilities.cameras.watching import Watching
 
 PERCEPTS, STATE, VIEW = "vision-percepts[0]", "camera-state[0]", "camera-view[0]"

@@ -3,16 +3,16 @@
 from dataclasses import replace
 from typing import Any
 
-from agents.config import PlatformConfig
-from agents.effects import Effect, Reported, Specify
-from agents.platform import Platform
 from dyknow import Label, Policy, Sample
-from navigation.vehicle import Command, Order
-from sim_uavs.dynamics.scenarios import scenario
-from sim_uavs.dynamics.vehicles import SimulatedVehicle
-from sim_uavs.roads.drivers import RoadState
-from sim_uavs.roads.shared import ROUND_US
-from sim_uavs.streets import carried_over, traffic_of
+from dyknow.agents.config import PlatformConfig
+from dyknow.agents.effects import Effect, Reported, Specify
+from dyknow.agents.platform import Platform
+from dyknow.navigation.vehicle import Command, Order
+from dyknow.sim_uavs.dynamics.scenarios import scenario
+from dyknow.sim_uavs.dynamics.vehicles import SimulatedVehicle
+from dyknow.sim_uavs.roads.drivers import RoadState
+from dyknow.sim_uavs.roads.shared import ROUND_US
+from dyknow.sim_uavs.streets import carried_over, traffic_of
 
 IMAGE_US, START_US = 40_000, 2_833_333 * ROUND_US
 """A round of traffic begins."""

@@ -2,8 +2,8 @@
 
 from math import nan
 
-from agents.capabilities.cooperation.cooperation import Cooperation
-from agents.effects import Fed
+from dyknow.agents.capabilities.cooperation.cooperation import Cooperation
+from dyknow.agents.effects import Fed
 from tests.agents.specification.test_specification_part import Pair
 
 SPEC = """source tracked-object seen

@@ -4,11 +4,11 @@ import random
 
 import pytest
 
-from agents.capabilities.cooperation.handover import Handover
-from agents.capabilities.cooperation.track_records import ATTRIBUTES, object_attribute
-from agents.effects import Fed
 from dyknow import NO_VALUE, Sample
-from federation.messages.contents import Share
+from dyknow.agents.capabilities.cooperation.handover import Handover
+from dyknow.agents.capabilities.cooperation.track_records import ATTRIBUTES, object_attribute
+from dyknow.agents.effects import Fed
+from dyknow.federation.messages.contents import Share
 from tests.agents.capabilities.cooperation.federations import Federation, car
 
 SPEC = """source tracked-object seen

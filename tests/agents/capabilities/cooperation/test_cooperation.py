@@ -1,7 +1,7 @@
 """One picture from several platforms of a federation: names, partitions, returns, questions."""
 
-from federation.messages.acts import Performative
-from federation.messages.contents import ObjectEvents, ObjectPicture
+from dyknow.federation.messages.acts import Performative
+from dyknow.federation.messages.contents import ObjectEvents, ObjectPicture
 from tests.agents.capabilities.cooperation.federations import SPEC, Federation, car
 
 OVER = """compunit global-object SeenTogether(global-object)

@@ -3,10 +3,10 @@
 import numpy as np
 import pytest
 
-from agents.capabilities.cooperation.handover import Handover
 from bench.cooperation.handover import places, spanning
-from federation.messages.acts import Performative
-from federation.messages.contents import ObjectEvents, Share
+from dyknow.agents.capabilities.cooperation.handover import Handover
+from dyknow.federation.messages.acts import Performative
+from dyknow.federation.messages.contents import ObjectEvents, Share
 from tests.agents.capabilities.cooperation.federations import PERCEPTS, SPEC, Federation
 from tests.agents.specification.test_specification_part import Pair
 

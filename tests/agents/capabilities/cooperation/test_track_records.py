@@ -4,13 +4,13 @@ from itertools import product
 
 import pytest
 
-from agents.capabilities.cooperation import track_records
-from agents.capabilities.cooperation.track_records import IDENTITIES, TRACKS, identity_claim
-from agents.capabilities.saliency import records
-from agents.exchange.import_proxy import ImportProxy
 from dyknow import NO_VALUE, Label, Sample
-from federation.sharing.ontology import default_ontology
-from federation.sharing.ranges import _MOST
+from dyknow.agents.capabilities.cooperation import track_records
+from dyknow.agents.capabilities.cooperation.track_records import IDENTITIES, TRACKS, identity_claim
+from dyknow.agents.capabilities.saliency import records
+from dyknow.agents.exchange.import_proxy import ImportProxy
+from dyknow.federation.sharing.ontology import default_ontology
+from dyknow.federation.sharing.ranges import _MOST
 
 ONTOLOGY = default_ontology()
 READERS = {

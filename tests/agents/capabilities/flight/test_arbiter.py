@@ -6,12 +6,12 @@ import pytest
 from hypothesis import given
 from hypothesis import strategies as st
 
-from agents.capabilities.flight.arbiter import CommandClaims, Commander
-from agents.capabilities.flight.pilot import Pilot
-from agents.places import FlightLimits
 from dyknow import Sample
+from dyknow.agents.capabilities.flight.arbiter import CommandClaims, Commander
+from dyknow.agents.capabilities.flight.pilot import Pilot
+from dyknow.agents.places import FlightLimits
 from dyknow.model.errors import Refused
-from navigation.vehicle import (
+from dyknow.navigation.vehicle import (
     Arm,
     GoToOrder,
     HoldOrder,

@@ -2,12 +2,12 @@
 
 import pytest
 
-from agents.capabilities.flight.arrival import UNHEARD_US, Arrival
-from federation.messages.acts import Performative
-from federation.messages.contents import Done, Goto, Hold, Reason
-from navigation.vehicle import GoToOrder
-from sim_uavs.dynamics.flight import Mode
-from sim_uavs.dynamics.quadcopter import Vector
+from dyknow.agents.capabilities.flight.arrival import UNHEARD_US, Arrival
+from dyknow.federation.messages.acts import Performative
+from dyknow.federation.messages.contents import Done, Goto, Hold, Reason
+from dyknow.navigation.vehicle import GoToOrder
+from dyknow.sim_uavs.dynamics.flight import Mode
+from dyknow.sim_uavs.dynamics.quadcopter import Vector
 from tests.agents.capabilities.flight.test_orders import flying
 from tests.box import Box
 from tests.sim_uavs.piloted import HOME, NORTH_DEG, Piloted

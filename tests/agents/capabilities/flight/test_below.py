@@ -2,8 +2,8 @@
 
 import pytest
 
-from federation.messages.acts import Performative
-from federation.messages.contents import Land, MonitorProximity, Reason
+from dyknow.federation.messages.acts import Performative
+from dyknow.federation.messages.contents import Land, MonitorProximity, Reason
 from tests.box import Box, Vehicle
 
 P = Performative

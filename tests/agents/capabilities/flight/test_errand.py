@@ -2,7 +2,7 @@
 
 import pytest
 
-from agents.capabilities.flight.errand import (
+from dyknow.agents.capabilities.flight.errand import (
     MODE_WITHIN_US,
     SEEN_WITHIN_US,
     SETTLES_US,
@@ -10,8 +10,8 @@ from agents.capabilities.flight.errand import (
     Errand,
     OrderProgress,
 )
-from agents.places import Fix
-from navigation.vehicle import (
+from dyknow.agents.places import Fix
+from dyknow.navigation.vehicle import (
     NO_ANSWER,
     OVERTAKEN,
     SUPERSEDED,

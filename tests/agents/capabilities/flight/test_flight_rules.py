@@ -2,10 +2,10 @@
 
 import pytest
 
-from agents.capabilities.flight.pilot import Pilot
-from agents.places import Fix, FlightLimits, FlightPlan, Waypoint
+from dyknow.agents.capabilities.flight.pilot import Pilot
+from dyknow.agents.places import Fix, FlightLimits, FlightPlan, Waypoint
 from dyknow.model.errors import Refused
-from navigation.vehicle import GoToOrder, HoldOrder, HomeReport, StatusReport
+from dyknow.navigation.vehicle import GoToOrder, HoldOrder, HomeReport, StatusReport
 
 S = 1_000_000
 

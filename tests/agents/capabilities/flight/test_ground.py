@@ -3,13 +3,13 @@
 import numpy as np
 import pytest
 
-from agents.capabilities.flight.pilot import Pilot
-from agents.places import FlightLimits, FlightPlan, Waypoint
 from dyknow import Sample
+from dyknow.agents.capabilities.flight.pilot import Pilot
+from dyknow.agents.places import FlightLimits, FlightPlan, Waypoint
 from dyknow.model.errors import Refused
-from navigation.terrain.elevation import Elevation
-from navigation.terrain.grid import VOID
-from navigation.vehicle import (
+from dyknow.navigation.terrain.elevation import Elevation
+from dyknow.navigation.terrain.grid import VOID
+from dyknow.navigation.vehicle import (
     GoToOrder,
     HoldOrder,
     HomeReport,

@@ -5,14 +5,14 @@ from typing import Any
 
 import pytest
 
-from agents.capabilities.flight.flight import FlightAgent
-from agents.capabilities.flight.options import AvoidanceOptions
-from agents.options import Chosen
-from agents.places import FlightPlan, Waypoint
-from federation.messages.acts import Performative
-from federation.messages.contents import Content, Done, FlightOutlook, Goto, Hold, Reason, Resume, ReturnHome
-from navigation.vehicle import FenceReport, GoToOrder, HoldOrder
-from reasoning import builtin_profiles
+from dyknow.agents.capabilities.flight.flight import FlightAgent
+from dyknow.agents.capabilities.flight.options import AvoidanceOptions
+from dyknow.agents.options import Chosen
+from dyknow.agents.places import FlightPlan, Waypoint
+from dyknow.federation.messages.acts import Performative
+from dyknow.federation.messages.contents import Content, Done, FlightOutlook, Goto, Hold, Reason, Resume, ReturnHome
+from dyknow.navigation.vehicle import FenceReport, GoToOrder, HoldOrder
+from dyknow.reasoning import builtin_profiles
 from tests.box import Box, Vehicle
 
 P = Performative

@@ -4,14 +4,14 @@ from collections.abc import Callable
 
 import pytest
 
-from agents.capabilities.flight.arbiter import HEARD_WITHIN_US
-from agents.capabilities.flight.commanded import ATTEMPTS, FORGETS_US, RETRY_US
-from agents.capabilities.flight.errand import OrderProgress
-from agents.capabilities.flight.pilot import Pilot
-from agents.places import FlightLimits, FlightPlan, Waypoint
 from dyknow import Sample
+from dyknow.agents.capabilities.flight.arbiter import HEARD_WITHIN_US
+from dyknow.agents.capabilities.flight.commanded import ATTEMPTS, FORGETS_US, RETRY_US
+from dyknow.agents.capabilities.flight.errand import OrderProgress
+from dyknow.agents.capabilities.flight.pilot import Pilot
+from dyknow.agents.places import FlightLimits, FlightPlan, Waypoint
 from dyknow.model.errors import Refused
-from navigation.vehicle import (
+from dyknow.navigation.vehicle import (
     NO_ANSWER,
     Command,
     CommandResult,

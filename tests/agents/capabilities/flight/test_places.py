@@ -4,8 +4,8 @@ from math import inf, nan
 
 import pytest
 
-from agents.places import Bounds, Fix, FlightLimits
-from navigation.vehicle import FenceReport, GoToOrder, HoldOrder, HomeReport, InterruptOrder, LandOrder, Order
+from dyknow.agents.places import Bounds, Fix, FlightLimits
+from dyknow.navigation.vehicle import FenceReport, GoToOrder, HoldOrder, HomeReport, InterruptOrder, LandOrder, Order
 
 HOME = HomeReport(0, 58.0, 15.0, 50.0)
 NORTH_DEG = 1 / 111_194.9

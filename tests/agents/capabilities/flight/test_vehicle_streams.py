@@ -2,14 +2,14 @@
 
 import pytest
 
-from agents.capabilities.flight.vehicle_streams import VehicleStreams
-from agents.config import PlatformConfig
-from agents.effects import Reported
-from agents.platform import Platform
 from dyknow import Label, Network, Policy, Sample
-from federation.sharing.ontology import default_ontology
-from federation.sharing.translation import Translation
-from navigation.vehicle import BatteryReport, HomeReport, WinchReport
+from dyknow.agents.capabilities.flight.vehicle_streams import VehicleStreams
+from dyknow.agents.config import PlatformConfig
+from dyknow.agents.effects import Reported
+from dyknow.agents.platform import Platform
+from dyknow.federation.sharing.ontology import default_ontology
+from dyknow.federation.sharing.translation import Translation
+from dyknow.navigation.vehicle import BatteryReport, HomeReport, WinchReport
 from tests.navigation.flights import START_US, position_at, straight
 
 PERIOD_US = 100_000

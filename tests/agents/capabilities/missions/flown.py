@@ -4,8 +4,8 @@ from collections.abc import Sequence
 from pathlib import Path
 from typing import Any
 
-from agents.config import PlatformConfig
-from federation.messages.contents import (
+from dyknow.agents.config import PlatformConfig
+from dyknow.federation.messages.contents import (
     Content,
     Done,
     FlyMission,
@@ -15,12 +15,12 @@ from federation.messages.contents import (
     Progress,
     Reason,
 )
-from federation.messages.dialogue import Dialogue
-from navigation.vehicle import Command, Order, Report
-from sim_uavs.dynamics.faults import SimulatedFault, parse_fault
-from sim_uavs.dynamics.scenarios import scenario
-from sim_uavs.dynamics.vehicles import SimulatedVehicle
-from sim_uavs.world.world import START_US, World
+from dyknow.federation.messages.dialogue import Dialogue
+from dyknow.navigation.vehicle import Command, Order, Report
+from dyknow.sim_uavs.dynamics.faults import SimulatedFault, parse_fault
+from dyknow.sim_uavs.dynamics.scenarios import scenario
+from dyknow.sim_uavs.dynamics.vehicles import SimulatedVehicle
+from dyknow.sim_uavs.world.world import START_US, World
 
 EXAMPLES = Path(__file__).parents[4] / "examples" / "missions"
 DOMAIN = (EXAMPLES / "survey.dom").read_text("utf-8")

@@ -9,20 +9,20 @@ from typing import Any
 
 import pytest
 
-from agents.config import PlatformConfig
-from agents.places import FlightLimits
-from federation.messages.contents import AnswerQuestion, Attend, FlyMission, Resume
-from federation.messages.dialogue import Dialogue
-from navigation.vehicle import Report
-from planning import parse_domain
-from sim_uavs.boxes.handled import Placed
-from sim_uavs.boxes.shared import BoxesOnGround, HandlingList
-from sim_uavs.cameras.onboard import OnboardCameras
-from sim_uavs.depot import boxes_of, hoist_of, loader
-from sim_uavs.dynamics.faults import ScheduledFault, SimulatedFault
-from sim_uavs.dynamics.scenarios import scenario
-from sim_uavs.streets import watching
-from sim_uavs.world.world import START_US, World
+from dyknow.agents.config import PlatformConfig
+from dyknow.agents.places import FlightLimits
+from dyknow.federation.messages.contents import AnswerQuestion, Attend, FlyMission, Resume
+from dyknow.federation.messages.dialogue import Dialogue
+from dyknow.navigation.vehicle import Report
+from dyknow.planning import parse_domain
+from dyknow.sim_uavs.boxes.handled import Placed
+from dyknow.sim_uavs.boxes.shared import BoxesOnGround, HandlingList
+from dyknow.sim_uavs.cameras.onboard import OnboardCameras
+from dyknow.sim_uavs.depot import boxes_of, hoist_of, loader
+from dyknow.sim_uavs.dynamics.faults import ScheduledFault, SimulatedFault
+from dyknow.sim_uavs.dynamics.scenarios import scenario
+from dyknow.sim_uavs.streets import watching
+from dyknow.sim_uavs.world.world import START_US, World
 from tests.agents.capabilities.missions.flown import Noting, is_over, told
 
 EXAMPLES = Path(__file__).parents[4] / "examples" / "logistics"

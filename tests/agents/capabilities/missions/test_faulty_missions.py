@@ -6,7 +6,7 @@ from typing import NamedTuple
 
 import pytest
 
-from sim_uavs.dynamics.faults import drawn
+from dyknow.sim_uavs.dynamics.faults import drawn
 from tests.agents.capabilities.missions.flown import is_over, told
 from tests.agents.capabilities.missions.test_boxes import Depot
 

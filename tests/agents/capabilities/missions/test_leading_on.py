@@ -2,13 +2,13 @@
 
 from hashlib import sha256
 
-from agents.capabilities.missions.leading import MissionLeading
-from agents.capabilities.missions.performing import Performing
-from agents.config import PlatformConfig
-from federation.messages.contents import FlyMission, JoinMission, PermitMission
-from federation.security.trust import Role, Roster, RosterMember, Signer, Trust
-from sim_uavs.dynamics.scenarios import scenario
-from sim_uavs.world.world import START_US, World
+from dyknow.agents.capabilities.missions.leading import MissionLeading
+from dyknow.agents.capabilities.missions.performing import Performing
+from dyknow.agents.config import PlatformConfig
+from dyknow.federation.messages.contents import FlyMission, JoinMission, PermitMission
+from dyknow.federation.security.trust import Role, Roster, RosterMember, Signer, Trust
+from dyknow.sim_uavs.dynamics.scenarios import scenario
+from dyknow.sim_uavs.world.world import START_US, World
 from tests.agents.capabilities.missions.flown import DOMAIN, TWO, Noting
 
 ROLES: dict[str, Role] = {"0": "uav", "1": "uav", "2": "uav", "cc": "command-centre"}

@@ -5,12 +5,19 @@ from typing import Any, cast
 import numpy as np
 import pytest
 
-from agents.capabilities.missions.locating import BLIND_US, FIRST_STEP, RESTS_US, SETTLED_US, Locating, UnitSights
 from dyknow import Value
-from navigation.geodesy import LocalFrame
-from navigation.searching.landing import Drop
-from navigation.searching.search import PlacedPercept
-from planning.execution import events
+from dyknow.agents.capabilities.missions.locating import (
+    BLIND_US,
+    FIRST_STEP,
+    RESTS_US,
+    SETTLED_US,
+    Locating,
+    UnitSights,
+)
+from dyknow.navigation.geodesy import LocalFrame
+from dyknow.navigation.searching.landing import Drop
+from dyknow.navigation.searching.search import PlacedPercept
+from dyknow.planning.execution import events
 
 SECOND = 1_000_000
 LABELS = ("x[b1]", "y[b1]")

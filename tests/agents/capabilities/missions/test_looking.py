@@ -5,11 +5,11 @@ from typing import Any, cast
 import numpy as np
 import pytest
 
-from agents.capabilities.missions.locating import UnitSights
-from agents.capabilities.missions.looking import FIRST_LOOK, RESTS_US, SETTLED_US, EffectLooks
-from navigation.searching.search import PlacedPercept
-from planning.execution.events import ActionEnded, StartAction
-from planning.search.plans import PlannedAction
+from dyknow.agents.capabilities.missions.locating import UnitSights
+from dyknow.agents.capabilities.missions.looking import FIRST_LOOK, RESTS_US, SETTLED_US, EffectLooks
+from dyknow.navigation.searching.search import PlacedPercept
+from dyknow.planning.execution.events import ActionEnded, StartAction
+from dyknow.planning.search.plans import PlannedAction
 from tests.agents.capabilities.missions.test_locating import LABELS, SECOND, Sights, Unit
 
 ANY = cast(PlannedAction, None)

@@ -2,9 +2,9 @@
 
 import pytest
 
-from agents.capabilities.flight.pilot import Pilot
-from federation.messages.acts import Performative
-from federation.messages.contents import (
+from dyknow.agents.capabilities.flight.pilot import Pilot
+from dyknow.federation.messages.acts import Performative
+from dyknow.federation.messages.contents import (
     AnswerQuestion,
     CallForMission,
     Content,
@@ -22,9 +22,9 @@ from federation.messages.contents import (
     TakeMission,
     TaskOver,
 )
-from federation.messages.contents.missions import CommandEntry
-from federation.messages.dialogue import Dialogue
-from navigation.vehicle import Arm, GoToOrder, HoldOrder, LandOrder, SetGuided, TakeOffOrder
+from dyknow.federation.messages.contents.missions import CommandEntry
+from dyknow.federation.messages.dialogue import Dialogue
+from dyknow.navigation.vehicle import Arm, GoToOrder, HoldOrder, LandOrder, SetGuided, TakeOffOrder
 from tests.agents.capabilities.missions.flown import DOMAIN, ONE, TWO, Flown, told
 
 

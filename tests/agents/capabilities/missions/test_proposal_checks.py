@@ -5,19 +5,19 @@ from typing import Any
 
 import pytest
 
-from agents.capabilities.missions.mission_texts import MissionTexts, read_mission
-from agents.capabilities.missions.proposal_checks import unbelievable
-from agents.capabilities.missions.proposing import MissionProposals
-from agents.config import PlatformConfig
+from dyknow.agents.capabilities.missions.mission_texts import MissionTexts, read_mission
+from dyknow.agents.capabilities.missions.proposal_checks import unbelievable
+from dyknow.agents.capabilities.missions.proposing import MissionProposals
+from dyknow.agents.config import PlatformConfig
+from dyknow.federation.messages.acts import Performative
+from dyknow.federation.messages.contents import CallForMission, MissionProposal
 from dyknow.model.errors import FederationFailed, NothingFound
-from federation.messages.acts import Performative
-from federation.messages.contents import CallForMission, MissionProposal
-from runtime.client import Client, command_centre
-from runtime.configuration.settings import Settings
-from runtime.library.missions import MissionRequest, begin_mission
-from sim_uavs.dynamics.scenarios import scenario
-from sim_uavs.dynamics.vehicles import SimulatedVehicle
-from sim_uavs.world.world import START_US
+from dyknow.runtime.client import Client, command_centre
+from dyknow.runtime.configuration.settings import Settings
+from dyknow.runtime.library.missions import MissionRequest, begin_mission
+from dyknow.sim_uavs.dynamics.scenarios import scenario
+from dyknow.sim_uavs.dynamics.vehicles import SimulatedVehicle
+from dyknow.sim_uavs.world.world import START_US
 from tests.agents.capabilities.missions.flown import DOMAIN, ONE, TWO, Flown
 from tests.box import Box
 

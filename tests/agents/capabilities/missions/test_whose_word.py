@@ -7,11 +7,11 @@ from collections.abc import Iterator
 
 import pytest
 
-from agents.capabilities.missions.leading import MissionLeading
-from agents.capabilities.missions.performing import Performing
-from agents.config import PlatformConfig
-from federation.messages.acts import Performative
-from federation.messages.contents import (
+from dyknow.agents.capabilities.missions.leading import MissionLeading
+from dyknow.agents.capabilities.missions.performing import Performing
+from dyknow.agents.config import PlatformConfig
+from dyknow.federation.messages.acts import Performative
+from dyknow.federation.messages.contents import (
     CallForMission,
     CommandEntry,
     Content,
@@ -26,10 +26,10 @@ from federation.messages.contents import (
     TakeMission,
     TaskOver,
 )
-from federation.messages.dialogue import Dialogue
-from federation.security.trust import Role, Roster, RosterMember, Signer, Trust
-from sim_uavs.dynamics.scenarios import scenario
-from sim_uavs.world.world import START_US, World
+from dyknow.federation.messages.dialogue import Dialogue
+from dyknow.federation.security.trust import Role, Roster, RosterMember, Signer, Trust
+from dyknow.sim_uavs.dynamics.scenarios import scenario
+from dyknow.sim_uavs.world.world import START_US, World
 from tests.agents.capabilities.missions.flown import DOMAIN, ONE, Noting
 
 P = Performative

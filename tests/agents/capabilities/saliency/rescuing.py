@@ -6,25 +6,25 @@ from typing import Any
 
 import numpy as np
 
-from agents.capabilities.areas.scanning import Scanning
-from agents.capabilities.saliency.saliency import Saliency
-from agents.config import PlatformConfig
-from agents.places import FlightLimits
-from anchoring.saliency.map import SalientPlace
-from federation.messages.contents import DivideArea
-from federation.messages.dialogue import Dialogue
-from federation.security.trust import Trust
-from navigation.geodesy import LocalFrame, distance_m
-from navigation.vehicle import Command, Order, Report
-from sim_uavs.bodies import FieldBody, bodies_of
-from sim_uavs.boxes.shared import HandlingList
-from sim_uavs.cameras.onboard import OnboardCameras
-from sim_uavs.depot import boxes_of, hoist_of, loader, scene_of
-from sim_uavs.dynamics.scenarios import Unit, scenario
-from sim_uavs.dynamics.settings import HomePlace
-from sim_uavs.dynamics.vehicles import SimulatedVehicle
-from sim_uavs.streets import watching
-from sim_uavs.world.world import START_US, World
+from dyknow.agents.capabilities.areas.scanning import Scanning
+from dyknow.agents.capabilities.saliency.saliency import Saliency
+from dyknow.agents.config import PlatformConfig
+from dyknow.agents.places import FlightLimits
+from dyknow.anchoring.saliency.map import SalientPlace
+from dyknow.federation.messages.contents import DivideArea
+from dyknow.federation.messages.dialogue import Dialogue
+from dyknow.federation.security.trust import Trust
+from dyknow.navigation.geodesy import LocalFrame, distance_m
+from dyknow.navigation.vehicle import Command, Order, Report
+from dyknow.sim_uavs.bodies import FieldBody, bodies_of
+from dyknow.sim_uavs.boxes.shared import HandlingList
+from dyknow.sim_uavs.cameras.onboard import OnboardCameras
+from dyknow.sim_uavs.depot import boxes_of, hoist_of, loader, scene_of
+from dyknow.sim_uavs.dynamics.scenarios import Unit, scenario
+from dyknow.sim_uavs.dynamics.settings import HomePlace
+from dyknow.sim_uavs.dynamics.vehicles import SimulatedVehicle
+from dyknow.sim_uavs.streets import watching
+from dyknow.sim_uavs.world.world import START_US, World
 
 
 class Rescuer(SimulatedVehicle):

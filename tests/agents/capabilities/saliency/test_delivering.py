@@ -6,11 +6,11 @@ from pathlib import Path
 
 import pytest
 
-from federation.messages.acts import Performative
-from federation.messages.contents import FlyMission, SaliencyRow, SaliencyRows
-from federation.messages.dialogue import Dialogue
-from runtime.library.pictures.saliency import FoundPerson, person_of
-from runtime.library.pictures.supplies import supply_goals
+from dyknow.federation.messages.acts import Performative
+from dyknow.federation.messages.contents import FlyMission, SaliencyRow, SaliencyRows
+from dyknow.federation.messages.dialogue import Dialogue
+from dyknow.runtime.library.pictures.saliency import FoundPerson, person_of
+from dyknow.runtime.library.pictures.supplies import supply_goals
 from tests.agents.capabilities.missions.flown import is_over, told
 from tests.agents.capabilities.saliency.rescuing import Rescue
 

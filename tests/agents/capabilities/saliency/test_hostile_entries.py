@@ -2,8 +2,8 @@
 
 from math import nan
 
-from agents.capabilities.saliency.saliency import Saliency
-from agents.effects import Fed
+from dyknow.agents.capabilities.saliency.saliency import Saliency
+from dyknow.agents.effects import Fed
 from tests.agents.specification.test_specification_part import Pair
 
 SPEC = "source saliency-entry found\nstrmgen mine = found\nexport saliency-entries = mine\n"

@@ -1,7 +1,7 @@
 """Persons that cameras see become entries, and entries of all platforms one map."""
 
-from federation.messages.acts import Performative
-from federation.messages.contents import SaliencyRows
+from dyknow.federation.messages.acts import Performative
+from dyknow.federation.messages.contents import SaliencyRows
 from tests.agents.capabilities.saliency.rescuing import Rescue
 
 BOTH = ((70.0, 100.0), (85.0, 100.0))

@@ -4,8 +4,8 @@ import os
 
 import pytest
 
-from agents.capabilities.areas.scanning import Scanning
-from federation.messages.contents import DivideArea
+from dyknow.agents.capabilities.areas.scanning import Scanning
+from dyknow.federation.messages.contents import DivideArea
 from tests.agents.capabilities.saliency.rescuing import Rescue
 from tests.agents.rosters import trust
 

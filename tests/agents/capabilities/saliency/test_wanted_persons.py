@@ -4,10 +4,10 @@ from pathlib import Path
 
 import pytest
 
-from agents.capabilities.cameras.cameras import Cameras
 from dyknow import NO_VALUE
-from federation.messages.contents import WantObject
-from federation.messages.dialogue import Dialogue
+from dyknow.agents.capabilities.cameras.cameras import Cameras
+from dyknow.federation.messages.contents import WantObject
+from dyknow.federation.messages.dialogue import Dialogue
 from tests.agents.capabilities.attention.chase import said
 from tests.agents.capabilities.saliency.rescuing import Rescue
 

@@ -2,11 +2,11 @@
 
 from typing import Any
 
-from federation import keys
-from federation.messages.acts import Act, Performative
-from federation.messages.contents import MonitorProximity, Reason, read
-from federation.messages.receipts import RECEIPT_AGENT
-from federation.transport import Put
+from dyknow.federation import keys
+from dyknow.federation.messages.acts import Act, Performative
+from dyknow.federation.messages.contents import MonitorProximity, Reason, read
+from dyknow.federation.messages.receipts import RECEIPT_AGENT
+from dyknow.federation.transport import Put
 from tests.box import Box, Vehicle
 
 P = Performative

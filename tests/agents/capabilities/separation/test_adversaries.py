@@ -5,19 +5,19 @@ from typing import Any
 
 import pytest
 
-from agents.capabilities.flight.options import AvoidanceOptions
-from agents.capabilities.separation.giving_way import GivingWay
-from agents.capabilities.separation.neighbourhood import Neighbourhood
-from agents.capabilities.separation.neighbours import CREDIBLE_US, MOST, Neighbours, contradiction, tube_of
-from agents.capabilities.separation.often import PURSUES, REPORTS, Often
-from agents.capabilities.separation.records import legs_of, legs_text
-from agents.capabilities.separation.situation import Fly, GoOn, ManoeuvreState, Propose
-from agents.monitoring.alarm_log import AlarmLog
-from agents.options import Chosen
-from agents.places import Fix
-from federation.messages.contents import Avoid, MonitorProximity
-from navigation.intents.intent import IntendedPlace, Intent, IntentEnding, IntentSource, RightOfWay
-from navigation.intents.path import STEPS, FlatMotion, FlatOrigin, FlatPlace
+from dyknow.agents.capabilities.flight.options import AvoidanceOptions
+from dyknow.agents.capabilities.separation.giving_way import GivingWay
+from dyknow.agents.capabilities.separation.neighbourhood import Neighbourhood
+from dyknow.agents.capabilities.separation.neighbours import CREDIBLE_US, MOST, Neighbours, contradiction, tube_of
+from dyknow.agents.capabilities.separation.often import PURSUES, REPORTS, Often
+from dyknow.agents.capabilities.separation.records import legs_of, legs_text
+from dyknow.agents.capabilities.separation.situation import Fly, GoOn, ManoeuvreState, Propose
+from dyknow.agents.monitoring.alarm_log import AlarmLog
+from dyknow.agents.options import Chosen
+from dyknow.agents.places import Fix
+from dyknow.federation.messages.contents import Avoid, MonitorProximity
+from dyknow.navigation.intents.intent import IntendedPlace, Intent, IntentEnding, IntentSource, RightOfWay
+from dyknow.navigation.intents.path import STEPS, FlatMotion, FlatOrigin, FlatPlace
 from tests.agents.capabilities.separation.meetings import meeting, notes, orders
 from tests.agents.capabilities.separation.test_hostile_members import far_member
 from tests.agents.capabilities.separation.vehicles import ORIGIN, Airspace, Flyer

@@ -1,7 +1,7 @@
 """Aircraft that are no members: a vehicle yields to each of them, and no act is sent to any."""
 
-from agents.capabilities.separation.neighbourhood import Neighbourhood
-from federation.messages.contents import MonitorProximity
+from dyknow.agents.capabilities.separation.neighbourhood import Neighbourhood
+from dyknow.federation.messages.contents import MonitorProximity
 from tests.agents.capabilities.separation.meetings import notes, orders
 from tests.agents.capabilities.traffic.heard import Straight, listen
 from tests.box import Box, Vehicle

@@ -2,11 +2,11 @@
 
 from pathlib import Path
 
-from agents.capabilities.separation.options import EncounterOptions
-from agents.effects import KeepEncounter
-from agents.options import Chosen
-from federation.messages.contents import MonitorProximity
-from sim_uavs.world.world import World
+from dyknow.agents.capabilities.separation.options import EncounterOptions
+from dyknow.agents.effects import KeepEncounter
+from dyknow.agents.options import Chosen
+from dyknow.federation.messages.contents import MonitorProximity
+from dyknow.sim_uavs.world.world import World
 from tests.sim_uavs.worlds import fly_scenario
 
 

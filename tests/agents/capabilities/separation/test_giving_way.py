@@ -4,16 +4,16 @@ from typing import Any
 
 import pytest
 
-from agents.capabilities.flight.options import AvoidanceOptions
-from agents.capabilities.separation.giving_way import GivingWay
-from agents.capabilities.separation.neighbourhood import Neighbourhood
-from agents.monitoring.alarm_log import AlarmLog
-from agents.options import Chosen
-from agents.places import FlightPlan, Waypoint
-from federation.messages.contents import Goto, Hold
-from navigation.intents.intent import IntentSource
-from navigation.vehicle import GoToOrder, HoldOrder, LandOrder, ReturnHomeOrder
-from reasoning import NEITHER_CAN_AVOID
+from dyknow.agents.capabilities.flight.options import AvoidanceOptions
+from dyknow.agents.capabilities.separation.giving_way import GivingWay
+from dyknow.agents.capabilities.separation.neighbourhood import Neighbourhood
+from dyknow.agents.monitoring.alarm_log import AlarmLog
+from dyknow.agents.options import Chosen
+from dyknow.agents.places import FlightPlan, Waypoint
+from dyknow.federation.messages.contents import Goto, Hold
+from dyknow.navigation.intents.intent import IntentSource
+from dyknow.navigation.vehicle import GoToOrder, HoldOrder, LandOrder, ReturnHomeOrder
+from dyknow.reasoning import NEITHER_CAN_AVOID
 from tests.agents.capabilities.separation.meetings import deaf_to_acts, meeting, notes, orders, refusals
 from tests.box import METRE_DEG, Box
 

@@ -4,15 +4,15 @@ from typing import Any
 
 import pytest
 
-from agents.capabilities.separation.giving_way import GivingWay
-from agents.capabilities.separation.neighbourhood import Neighbourhood
-from agents.capabilities.separation.neighbours import MOST_OWN_M
-from agents.capabilities.separation.records import intent_value
 from dyknow import Sample
-from federation.messages.acts import Performative
-from federation.messages.contents import Avoid, MonitorProximity, Progress
-from navigation.intents.intent import Intent
-from navigation.vehicle import HoldOrder
+from dyknow.agents.capabilities.separation.giving_way import GivingWay
+from dyknow.agents.capabilities.separation.neighbourhood import Neighbourhood
+from dyknow.agents.capabilities.separation.neighbours import MOST_OWN_M
+from dyknow.agents.capabilities.separation.records import intent_value
+from dyknow.federation.messages.acts import Performative
+from dyknow.federation.messages.contents import Avoid, MonitorProximity, Progress
+from dyknow.navigation.intents.intent import Intent
+from dyknow.navigation.vehicle import HoldOrder
 from tests.box import Box, Vehicle
 
 P = Performative

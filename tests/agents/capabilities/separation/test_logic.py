@@ -6,8 +6,8 @@ from random import Random
 
 import pytest
 
-from agents.capabilities.separation.situation import Fly, GoOn, LeaveTo, MeetingState, Neither
-from navigation.intents.path import FlatMotion, FlatPlace
+from dyknow.agents.capabilities.separation.situation import Fly, GoOn, LeaveTo, MeetingState, Neither
+from dyknow.navigation.intents.path import FlatMotion, FlatPlace
 from tests.agents.capabilities.separation.vehicles import Airspace, Flyer
 
 NEAR_M = 10.0

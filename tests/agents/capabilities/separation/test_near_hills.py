@@ -2,12 +2,12 @@
 
 import pytest
 
-from agents.capabilities.flight.flight import FlightAgent
-from agents.capabilities.separation.situation_view import may_fly_to
-from agents.places import FlightLimits
-from navigation.intents.path import FlatOrigin, FlatPlace
-from navigation.terrain.elevation import Elevation
-from navigation.vehicle import GoToOrder
+from dyknow.agents.capabilities.flight.flight import FlightAgent
+from dyknow.agents.capabilities.separation.situation_view import may_fly_to
+from dyknow.agents.places import FlightLimits
+from dyknow.navigation.intents.path import FlatOrigin, FlatPlace
+from dyknow.navigation.terrain.elevation import Elevation
+from dyknow.navigation.vehicle import GoToOrder
 from tests.agents.capabilities.separation.meetings import meeting, orders
 from tests.box import Box
 from tests.navigation.terrain.ground import grid_of, ridge

@@ -3,7 +3,7 @@
 import numpy as np
 import pytest
 
-from agents.capabilities.separation.neighbours import (
+from dyknow.agents.capabilities.separation.neighbours import (
     FORGOTTEN_US,
     GROWS_MOST_M,
     MOST,
@@ -11,10 +11,10 @@ from agents.capabilities.separation.neighbours import (
     SILENT_US,
     Neighbours,
 )
-from agents.places import Fix
-from navigation.intents.intent import IntendedPlace, Intent, IntentEnding, IntentSource, RightOfWay
-from navigation.intents.meeting import MINIMA
-from navigation.intents.path import STEP_S, STEPS, FlatOrigin, resumed
+from dyknow.agents.places import Fix
+from dyknow.navigation.intents.intent import IntendedPlace, Intent, IntentEnding, IntentSource, RightOfWay
+from dyknow.navigation.intents.meeting import MINIMA
+from dyknow.navigation.intents.path import STEP_S, STEPS, FlatOrigin, resumed
 
 S = 1_000_000
 M = 1 / 111_320.0

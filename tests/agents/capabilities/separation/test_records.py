@@ -7,10 +7,10 @@ import pytest
 from hypothesis import given, settings
 from hypothesis import strategies as st
 
-from agents.capabilities.separation.records import FIELDS, INTENT, intent_of, intent_value, legs_of, legs_text
 from dyknow import NO_VALUE, Sample
-from federation.sharing.ontology import default_ontology
-from navigation.intents.intent import (
+from dyknow.agents.capabilities.separation.records import FIELDS, INTENT, intent_of, intent_value, legs_of, legs_text
+from dyknow.federation.sharing.ontology import default_ontology
+from dyknow.navigation.intents.intent import (
     MOST_LEGS,
     Contingency,
     IntendedPlace,

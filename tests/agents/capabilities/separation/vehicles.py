@@ -5,9 +5,9 @@ from dataclasses import dataclass, field
 from itertools import combinations
 from math import hypot
 
-from agents.capabilities.separation.logic import STEPS, SeparationLogic
-from agents.capabilities.separation.neighbours import Neighbours
-from agents.capabilities.separation.situation import (
+from dyknow.agents.capabilities.separation.logic import STEPS, SeparationLogic
+from dyknow.agents.capabilities.separation.neighbours import Neighbours
+from dyknow.agents.capabilities.separation.situation import (
     Fly,
     GoOn,
     LeaveTo,
@@ -16,9 +16,9 @@ from agents.capabilities.separation.situation import (
     Situation,
     Step,
 )
-from agents.places import Fix
-from navigation.intents.intent import IntendedPlace, Intent, IntentEnding, IntentSource, RightOfWay
-from navigation.intents.path import FlatMotion, FlatOrigin, FlatPlace, Performance, fly
+from dyknow.agents.places import Fix
+from dyknow.navigation.intents.intent import IntendedPlace, Intent, IntentEnding, IntentSource, RightOfWay
+from dyknow.navigation.intents.path import FlatMotion, FlatOrigin, FlatPlace, Performance, fly
 
 ORIGIN = FlatOrigin.at(58.0, 15.0)
 DT_S = 0.1

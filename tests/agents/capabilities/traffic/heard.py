@@ -2,11 +2,11 @@
 
 from typing import NamedTuple
 
-from agents.effects import Reported
-from agents.monitoring.alarm_log import AlarmLog
-from navigation.heard_aircraft import HeardAircraft
-from navigation.vehicle import TrafficReport
-from reasoning import AlarmEvent
+from dyknow.agents.effects import Reported
+from dyknow.agents.monitoring.alarm_log import AlarmLog
+from dyknow.navigation.heard_aircraft import HeardAircraft
+from dyknow.navigation.vehicle import TrafficReport
+from dyknow.reasoning import AlarmEvent
 from tests.box import METRE_DEG, Box
 
 

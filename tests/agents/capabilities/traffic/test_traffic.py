@@ -6,11 +6,11 @@ from random import Random
 
 import pytest
 
-from agents.capabilities.traffic.records import traffic_value
-from agents.capabilities.traffic.traffic import Traffic
-from agents.effects import Fed, Specify
-from federation.messages.contents import MonitorProximity
-from navigation.traffic import moved
+from dyknow.agents.capabilities.traffic.records import traffic_value
+from dyknow.agents.capabilities.traffic.traffic import Traffic
+from dyknow.agents.effects import Fed, Specify
+from dyknow.federation.messages.contents import MonitorProximity
+from dyknow.navigation.traffic import moved
 from tests.agents.capabilities.traffic.heard import Straight, alarms, hear, listen
 from tests.box import Box, Vehicle
 

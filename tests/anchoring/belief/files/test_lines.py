@@ -8,10 +8,10 @@ import pytest
 from hypothesis import given
 from hypothesis import strategies as st
 
-from anchoring.belief.description import RelationKind
-from anchoring.belief.environment import EnvironmentModel
-from anchoring.belief.files.lines import ObservationReader, SensorLook
-from anchoring.belief.observations import ReportedRelation
+from dyknow.anchoring.belief.description import RelationKind
+from dyknow.anchoring.belief.environment import EnvironmentModel
+from dyknow.anchoring.belief.files.lines import ObservationReader, SensorLook
+from dyknow.anchoring.belief.observations import ReportedRelation
 from dyknow.model.errors import TextError
 from tests.anchoring.belief.worlds import sensor, world
 

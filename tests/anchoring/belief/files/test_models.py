@@ -7,8 +7,8 @@ import pytest
 from hypothesis import given
 from hypothesis import strategies as st
 
-from anchoring.belief.environment import EnvironmentModel
-from anchoring.belief.files.models import read_world_model
+from dyknow.anchoring.belief.environment import EnvironmentModel
+from dyknow.anchoring.belief.files.models import read_world_model
 from dyknow.model.errors import TextErrors
 
 YARD = (Path(__file__).parents[4] / "examples" / "world" / "yard.toml").read_text(encoding="utf-8")

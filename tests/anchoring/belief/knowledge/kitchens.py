@@ -4,7 +4,7 @@ from typing import Any
 
 import numpy as np
 
-from anchoring.belief.description import (
+from dyknow.anchoring.belief.description import (
     Confusion,
     GaussianAttribute,
     LifeThresholds,
@@ -14,11 +14,11 @@ from anchoring.belief.description import (
     WorldSensor,
     uniform,
 )
-from anchoring.belief.environment import EnvironmentModel
-from anchoring.belief.files.knowledge import read_knowledge
-from anchoring.belief.knowledge.informed import InformedModel
-from anchoring.belief.knowledge.memory import PriorKnowledge
-from anchoring.belief.observations import ReportedRelation, WorldObservation
+from dyknow.anchoring.belief.environment import EnvironmentModel
+from dyknow.anchoring.belief.files.knowledge import read_knowledge
+from dyknow.anchoring.belief.knowledge.informed import InformedModel
+from dyknow.anchoring.belief.knowledge.memory import PriorKnowledge
+from dyknow.anchoring.belief.observations import ReportedRelation, WorldObservation
 from tests.anchoring.belief.worlds import S, position
 
 TYPES = ("cup", "plate", "table")

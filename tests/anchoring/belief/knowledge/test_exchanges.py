@@ -3,8 +3,8 @@
 import numpy as np
 import pytest
 
-from anchoring.belief.files.knowledge import print_known, read_knowledge
-from anchoring.belief.observations import WorldObservation
+from dyknow.anchoring.belief.files.knowledge import print_known, read_knowledge
+from dyknow.anchoring.belief.observations import WorldObservation
 from tests.anchoring.belief.knowledge.kitchens import KITCHEN, informed, kinds, kitchen, see
 from tests.anchoring.belief.worlds import S
 

@@ -5,9 +5,9 @@ import pytest
 from hypothesis import given
 from hypothesis import strategies as st
 
-from anchoring.belief.files.knowledge import read_knowledge
-from anchoring.belief.knowledge.ontology import ClassRule
-from anchoring.belief.knowledge.rules import of_relations
+from dyknow.anchoring.belief.files.knowledge import read_knowledge
+from dyknow.anchoring.belief.knowledge.ontology import ClassRule
+from dyknow.anchoring.belief.knowledge.rules import of_relations
 from dyknow.model.errors import TextErrors, WrongCall
 from tests.anchoring.belief.knowledge.kitchens import KITCHEN, informed, kinds, kitchen, see
 from tests.anchoring.belief.worlds import S

@@ -5,12 +5,12 @@ from collections.abc import Iterable
 import numpy as np
 import pytest
 
-from anchoring.belief.description import WorldModel
-from anchoring.belief.live.gathering import MOST_WAITING, PATIENCE_US, LookGatherer, SourceLook
-from anchoring.belief.live.records import BELIEF_SORT, BeliefRecords, quality_of
-from anchoring.belief.live.watch import MOST_REPORTED, ObservingSource, ReportedBelief, WorldWatch
-from anchoring.links.states import ObjectState, diagonal
-from anchoring.links.structures import Percept
+from dyknow.anchoring.belief.description import WorldModel
+from dyknow.anchoring.belief.live.gathering import MOST_WAITING, PATIENCE_US, LookGatherer, SourceLook
+from dyknow.anchoring.belief.live.records import BELIEF_SORT, BeliefRecords, quality_of
+from dyknow.anchoring.belief.live.watch import MOST_REPORTED, ObservingSource, ReportedBelief, WorldWatch
+from dyknow.anchoring.links.states import ObjectState, diagonal
+from dyknow.anchoring.links.structures import Percept
 from tests.anchoring.belief.worlds import S, position, sensor, world
 
 LOOK_US = 100_000

@@ -1,34 +1,27 @@
 import socket
-import sys
 import types
 from concurrent.futures import ThreadPoolExecutor
 from contextlib import closing, suppress
-from pathlib import Path
 
 import pytest
 
-from console.commands.fleet import doctor
-from proxies.mavlink.endpoints import parse_endpoint
-from proxies.mavlink.links import UdpLink
-from runtime.configuration.config import MavlinkVehicle
+from dyknow.console.commands.fleet import doctor
+from dyknow.proxies.mavlink.endpoints import parse_endpoint
+from dyknow.proxies.mavlink.links import UdpLink
+from dyknow.runtime.configuration.config import MavlinkVehicle
 from tests.proxies.vehicle import Wire, heartbeat, position
 
 
-def test_packages_of_ours_are_ours_here() -> None:
+def test_the_package_of_ours_is_ours_here() -> None:
     assert [found.state for found in doctor._names()] == ["ok"]
 
 
-def test_a_foreign_package_under_one_of_our_names_is_named_with_a_remedy(
-    tmp_path: Path, monkeypatch: pytest.MonkeyPatch
-) -> None:
-    foreign = tmp_path / "agents"
-    foreign.mkdir()
-    (foreign / "__init__.py").write_text("")
-    monkeypatch.delitem(sys.modules, "agents", raising=False)
-    monkeypatch.syspath_prepend(str(tmp_path))
+def test_another_distribution_with_files_in_our_package_is_named_with_a_remedy(monkeypatch: pytest.MonkeyPatch) -> None:
+    both = types.SimpleNamespace(packages_distributions=lambda: {"dyknow": ["dyknow-federation", "dyknow-other"]})
+    monkeypatch.setattr(doctor, "metadata", both)
     [found] = doctor._names()
-    assert (found.finding, found.state) == ("package agents", "missing")
-    assert str(tmp_path) in found.detail
+    assert (found.finding, found.state) == ("package dyknow", "missing")
+    assert "dyknow-other" in found.detail
     assert found.remedy
 
 

@@ -4,12 +4,12 @@ from pathlib import Path
 
 import pytest
 
-from console.centre import client
-from console.command import Call
-from console.commands.fleet.join import join
+from dyknow.console.centre import client
+from dyknow.console.command import Call
+from dyknow.console.commands.fleet.join import join
+from dyknow.federation.members.clock import FederationClock
 from dyknow.model.errors import WrongCall
-from federation.members.clock import FederationClock
-from runtime.configuration.settings import UnitFile
+from dyknow.runtime.configuration.settings import UnitFile
 from tests.box import EPOCH, Box
 from tests.proxies import logs
 

@@ -7,13 +7,13 @@ from pathlib import Path
 import pytest
 from cryptography import x509
 
+from dyknow.federation.security.tls import hosts_of
+from dyknow.federation.security.trust import Roster, Signer
 from dyknow.model.errors import WrongCall
-from federation.security.tls import hosts_of
-from federation.security.trust import Roster, Signer
-from runtime.configuration.config import WireConfig
-from runtime.configuration.reach import wire_of
-from runtime.configuration.session import wire_options
-from runtime.configuration.settings import Settings
+from dyknow.runtime.configuration.config import WireConfig
+from dyknow.runtime.configuration.reach import wire_of
+from dyknow.runtime.configuration.session import wire_options
+from dyknow.runtime.configuration.settings import Settings
 from tests.console.conftest import Run
 
 

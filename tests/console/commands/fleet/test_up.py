@@ -8,12 +8,12 @@ from pathlib import Path
 import psutil
 import pytest
 
-from console.command import Call
-from console.commands.fleet.up import FleetStart, down, tell_notes
-from console.errors import DONE, NO
-from console.output.output import Output
-from runtime.configuration.run_directory import STATE_FILE, ProcessState, Running, write_state
-from runtime.configuration.settings import Settings
+from dyknow.console.command import Call
+from dyknow.console.commands.fleet.up import FleetStart, down, tell_notes
+from dyknow.console.errors import DONE, NO
+from dyknow.console.output.output import Output
+from dyknow.runtime.configuration.run_directory import STATE_FILE, ProcessState, Running, write_state
+from dyknow.runtime.configuration.settings import Settings
 
 OPEN = "open federation: acts are not signed"
 

@@ -6,15 +6,15 @@ from typing import Any
 
 import pytest
 
-from console.centre import client
-from console.command import Call
-from console.commands.members.bands import bands
-from console.errors import DONE, NO
-from console.output.output import Output
+from dyknow.console.centre import client
+from dyknow.console.command import Call
+from dyknow.console.commands.members.bands import bands
+from dyknow.console.errors import DONE, NO
+from dyknow.console.output.output import Output
 from dyknow.model.errors import NothingFound, WrongCall
-from runtime.client import Client, command_centre
-from runtime.configuration.settings import Settings
-from runtime.library.pictures.bands import bands as asked_bands
+from dyknow.runtime.client import Client, command_centre
+from dyknow.runtime.configuration.settings import Settings
+from dyknow.runtime.library.pictures.bands import bands as asked_bands
 from tests.agents.capabilities.traffic.heard import Straight, listen
 from tests.box import EPOCH, Box
 

@@ -3,9 +3,9 @@
 from types import SimpleNamespace
 from typing import Any, cast
 
-from console.commands.objects.picture import LOOK_S, NEW_US, FirstObjects
 from dyknow import US_PER_S
-from runtime.client import Client
+from dyknow.console.commands.objects.picture import LOOK_S, NEW_US, FirstObjects
+from dyknow.runtime.client import Client
 
 STARTED_US = 1_700_000_000_000_000
 

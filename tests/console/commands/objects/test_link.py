@@ -124,7 +124,7 @@ def test_roads_with_a_place_on_earth_take_places_in_metres_too_but_not_both_in_o
 
 
 def test_what_a_detector_pipes_in_is_linked_while_it_runs_and_a_line_that_is_too_long_spoils_no_other() -> None:
-    command = [sys.executable, "-c", "from console.main import app; app()", "link", "--percepts", "-", "--json"]
+    command = [sys.executable, "-c", "from dyknow.console.main import app; app()", "link", "--percepts", "-", "--json"]
     with Popen(command, stdin=PIPE, stdout=PIPE, stderr=PIPE, bufsize=0) as process:
         assert process.stdin is not None
         assert process.stdout is not None

@@ -20,7 +20,7 @@ def test_a_file_is_answered_with_one_line_of_json(dyknow: Run) -> None:
 
 
 def test_standard_input_is_read_and_what_is_wrong_with_it_is_refused() -> None:
-    command = [sys.executable, "-c", "from console.main import main; main()", "match", "-"]
+    command = [sys.executable, "-c", "from dyknow.console.main import main; main()", "match", "-"]
     for text, code in (('{"description": {}, "percepts": {}, "x": 1}', 0), ('{"description": 3}', 2)):
         done = subprocess.run(
             command, input=text, capture_output=True, text=True, timeout=30, check=False, cwd=ROOT, env=os.environ

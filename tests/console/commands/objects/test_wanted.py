@@ -8,9 +8,9 @@ from typing import Any
 
 import pytest
 
-from console.command import Call
-from console.commands.objects.link import link
-from console.errors import DONE
+from dyknow.console.command import Call
+from dyknow.console.commands.objects.link import link
+from dyknow.console.errors import DONE
 
 COUNT = 200 if os.environ.get("DYKNOW_FULL") else 20
 COLOURS, KINDS = ("red", "green", "blue", "white"), ("car", "truck", "van")

@@ -8,10 +8,10 @@ import pytest
 from hypothesis import given
 from hypothesis import strategies as st
 
-from anchoring.belief.files.lines import ObservationReader
-from anchoring.belief.files.models import read_world_model
+from dyknow.anchoring.belief.files.lines import ObservationReader
+from dyknow.anchoring.belief.files.models import read_world_model
 from dyknow.model.errors import TextErrors
-from navigation import LocalFrame
+from dyknow.navigation import LocalFrame
 from tests.console.conftest import Run
 
 ORIGIN = LocalFrame(47.4, 8.5, 430.0)

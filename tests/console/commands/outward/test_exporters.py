@@ -10,14 +10,14 @@ from xml.dom.minidom import parseString
 import pytest
 from pymavlink.dialects.v20 import ardupilotmega as mavlink
 
-from console.command import Call
-from console.commands.outward.cot import cot
-from console.commands.outward.remote_id import remote_id
-from console.errors import DONE
-from console.picture.picture import MOST
-from console.picture.things import ThingState, ThingStates
+from dyknow.console.command import Call
+from dyknow.console.commands.outward.cot import cot
+from dyknow.console.commands.outward.remote_id import remote_id
+from dyknow.console.errors import DONE
+from dyknow.console.picture.picture import MOST
+from dyknow.console.picture.things import ThingState, ThingStates
 from dyknow.model.errors import WrongCall
-from runtime.recordings.recording_file import ALARM, SAMPLE
+from dyknow.runtime.recordings.recording_file import ALARM, SAMPLE
 from tests.box import EPOCH, METRE_DEG, Box
 from tests.console.commands.recordings.encounter import encounter, in_world
 from tests.console.conftest import Lines

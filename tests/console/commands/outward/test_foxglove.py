@@ -4,9 +4,9 @@ import pytest
 
 pytest.importorskip("foxglove", reason="foxglove-sdk is not installed")
 
-from console.command import Call
-from console.commands.outward.foxglove import foxglove
-from console.errors import DONE
+from dyknow.console.command import Call
+from dyknow.console.commands.outward.foxglove import foxglove
+from dyknow.console.errors import DONE
 from dyknow.model.errors import WrongCall
 from tests.console.commands.recordings.encounter import encounter, in_world
 from tests.console.conftest import Lines

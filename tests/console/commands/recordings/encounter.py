@@ -8,14 +8,14 @@ from types import SimpleNamespace
 
 from pytest import MonkeyPatch
 
-from agents.capabilities.flight.options import AvoidanceOptions
-from agents.options import Chosen
-from console.centre import client
-from console.command import Call
-from console.commands.recordings.record import record
-from console.output.output import Output
-from federation.messages.contents import MonitorProximity
-from runtime.configuration.settings import Settings
+from dyknow.agents.capabilities.flight.options import AvoidanceOptions
+from dyknow.agents.options import Chosen
+from dyknow.console.centre import client
+from dyknow.console.command import Call
+from dyknow.console.commands.recordings.record import record
+from dyknow.console.output.output import Output
+from dyknow.federation.messages.contents import MonitorProximity
+from dyknow.runtime.configuration.settings import Settings
 from tests.box import Box
 
 EXAMPLE = Path(__file__).parents[4] / "examples" / "recordings" / "encounter.mcap"

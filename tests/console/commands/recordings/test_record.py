@@ -7,19 +7,19 @@ from typing import Any
 import pytest
 from mcap.reader import make_reader
 
-from agents.monitoring.alarm_log import AlarmLog
-from console.command import Call
-from console.commands.recordings.info import info
-from console.commands.recordings.record import record
-from console.errors import DONE, FAILED
-from console.output.output import Output
+from dyknow.agents.monitoring.alarm_log import AlarmLog
+from dyknow.console.command import Call
+from dyknow.console.commands.recordings.info import info
+from dyknow.console.commands.recordings.record import record
+from dyknow.console.errors import DONE, FAILED
+from dyknow.console.output.output import Output
+from dyknow.federation.messages.contents import Acts, Alarm, MonitorChange
 from dyknow.model.errors import WrongCall
-from federation.messages.contents import Acts, Alarm, MonitorChange
-from runtime.configuration.settings import Settings
-from runtime.recorder import recorder
-from runtime.recordings.recorded import FederationRecording
-from runtime.recordings.recording_file import ABOUT, PROFILE, RecordingFile
-from runtime.recordings.summary import summary_of
+from dyknow.runtime.configuration.settings import Settings
+from dyknow.runtime.recorder import recorder
+from dyknow.runtime.recordings.recorded import FederationRecording
+from dyknow.runtime.recordings.recording_file import ABOUT, PROFILE, RecordingFile
+from dyknow.runtime.recordings.summary import summary_of
 from tests.box import EPOCH, METRE_DEG, Box
 from tests.console.commands.recordings.encounter import encounter, in_world
 from tests.console.conftest import Lines
@@ -177,7 +177,7 @@ def test_a_name_or_a_size_that_is_none_is_a_wrong_call(call: Call, tmp_path: Pat
 
 
 def _client(world: Box) -> Any:
-    from runtime.client import Client, command_centre
+    from dyknow.runtime.client import Client, command_centre
 
     client = Client(world.client_ports(), command_centre(Settings(), "cc-9"))
     client.settle()

@@ -11,10 +11,10 @@ from typing import Any
 
 import pytest
 
-from agents.specification.options import RunOptions
-from console.command import Call
-from console.commands.texts import specification_runs, specifications, verification
-from console.output.output import Output, folded
+from dyknow.agents.specification.options import RunOptions
+from dyknow.console.command import Call
+from dyknow.console.commands.texts import specification_runs, specifications, verification
+from dyknow.console.output.output import Output, folded
 from dyknow.model.errors import NameRefused, TextError, UnitError, WrongCall
 from tests.console.conftest import Lines
 
@@ -403,9 +403,7 @@ def watched(place: Place) -> "Iterator[subprocess.Popen[str]]":
     place.write("car.kpl", "source pos clock\nstrmgen pos[car1] = clock\nstream first = pos[car1]\n")
     kept = {name: value for name, value in os.environ.items() if not name.startswith("DYKNOW_")}
     # As a terminal starts it: what runs in the background of a shell ignores Ctrl-C.
-    code = (
-        "import signal; signal.signal(signal.SIGINT, signal.default_int_handler); from console.main import main; main()"
-    )
+    code = "import signal; signal.signal(signal.SIGINT, signal.default_int_handler); from dyknow.console.main import main; main()"
     command = ["kpl", "run", str(place.spec), "--units", str(place.units), "--watch", "--json"]
     with subprocess.Popen(
         [sys.executable, "-c", code, *command],

@@ -2,18 +2,18 @@
 
 import pytest
 
-from agents.capabilities.flight.pilot import Pilot
-from agents.capabilities.separation.own.own_intent import OwnIntent
-from agents.capabilities.separation.records import INTENT, intent_of, intent_value
-from agents.places import FlightPlan, Waypoint
 from dyknow import Sample
-from navigation.intents.intent import (
+from dyknow.agents.capabilities.flight.pilot import Pilot
+from dyknow.agents.capabilities.separation.own.own_intent import OwnIntent
+from dyknow.agents.capabilities.separation.records import INTENT, intent_of, intent_value
+from dyknow.agents.places import FlightPlan, Waypoint
+from dyknow.navigation.intents.intent import (
     IntendedPlace,
     Intent,
     IntentEnding,
     IntentSource,
 )
-from navigation.vehicle import (
+from dyknow.navigation.vehicle import (
     Command,
     CommandResult,
     GoToOrder,

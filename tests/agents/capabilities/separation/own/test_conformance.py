@@ -4,10 +4,10 @@ from random import Random
 
 import pytest
 
-from agents.capabilities.separation.own.conformance import LOOKS, Conformance
-from navigation.intents.intent import IntendedPlace, Intent, IntentEnding, IntentSource, RightOfWay
-from navigation.intents.path import FlatOrigin, nominal
-from reasoning import NONCONFORMING, AlarmEvent
+from dyknow.agents.capabilities.separation.own.conformance import LOOKS, Conformance
+from dyknow.navigation.intents.intent import IntendedPlace, Intent, IntentEnding, IntentSource, RightOfWay
+from dyknow.navigation.intents.path import FlatOrigin, nominal
+from dyknow.reasoning import NONCONFORMING, AlarmEvent
 
 ORIGIN = FlatOrigin.at(58.0, 15.0)
 HALF_US = 500_000

@@ -1,8 +1,8 @@
 """How fast the own vehicle flies its way: what is seen, and what its parameters say while it gains speed."""
 
-from agents.capabilities.separation.own.flown_speeds import FlownSpeeds
-from agents.places import Fix
-from navigation.cruise import CruiseReport
+from dyknow.agents.capabilities.separation.own.flown_speeds import FlownSpeeds
+from dyknow.agents.places import Fix
+from dyknow.navigation.cruise import CruiseReport
 
 CRUISE = CruiseReport(0, 12.0, 4.0, 3.0)
 

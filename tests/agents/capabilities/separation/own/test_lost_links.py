@@ -2,13 +2,13 @@
 
 import pytest
 
-from agents.places import FlightPlan, Waypoint
-from navigation.geodesy import distance_m
-from navigation.intents.intent import (
+from dyknow.agents.places import FlightPlan, Waypoint
+from dyknow.navigation.geodesy import distance_m
+from dyknow.navigation.intents.intent import (
     Contingency,
     IntentEnding,
 )
-from navigation.vehicle import (
+from dyknow.navigation.vehicle import (
     FailsafeReport,
     LinkLossAction,
 )

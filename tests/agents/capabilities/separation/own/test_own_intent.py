@@ -2,11 +2,11 @@
 
 import pytest
 
-from agents.capabilities.flight.pilot import Pilot
-from agents.capabilities.separation.own.own_intent import AHEAD_S, OwnIntent
-from agents.places import FlightPlan
-from navigation.geodesy import distance_m
-from navigation.intents.intent import (
+from dyknow.agents.capabilities.flight.pilot import Pilot
+from dyknow.agents.capabilities.separation.own.own_intent import AHEAD_S, OwnIntent
+from dyknow.agents.places import FlightPlan
+from dyknow.navigation.geodesy import distance_m
+from dyknow.navigation.intents.intent import (
     MOST_LEGS,
     Contingency,
     IntendedPlace,
@@ -14,7 +14,7 @@ from navigation.intents.intent import (
     IntentSource,
     RightOfWay,
 )
-from navigation.vehicle import (
+from dyknow.navigation.vehicle import (
     BatteryReport,
     FailsafeReport,
     GoToOrder,

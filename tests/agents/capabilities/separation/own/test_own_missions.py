@@ -2,14 +2,14 @@
 
 import pytest
 
-from navigation.intents.intent import (
+from dyknow.navigation.intents.intent import (
     MOST_LEGS,
     IntendedPlace,
     IntentEnding,
     IntentSource,
 )
-from navigation.mission_plans import MissionItem, MissionPlanReport, MissionStep
-from navigation.vehicle import (
+from dyknow.navigation.mission_plans import MissionItem, MissionPlanReport, MissionStep
+from dyknow.navigation.vehicle import (
     MissionReport,
     TargetReport,
 )
