@@ -5,6 +5,7 @@ the platform sends nothing from then on, AUTO included, until a user asks for it
 hands: the route or mission waits, and giving way continues.
 """
 
+from collections import deque
 from collections.abc import Callable
 from dataclasses import dataclass, field
 
@@ -16,6 +17,8 @@ from dyknow.navigation import vehicle
 from dyknow.navigation.cruise import CruiseReport
 from dyknow.navigation.mission_plans import MissionPlanReport
 
+REPLACED_US, MOST_REPLACED = 2_000_000, 8
+"""How late a vehicle may report the target of an order that another one has replaced, and of how many."""
 FORGETS_US = 3_500_000
 """After so long a silence home has to be reported again; the feed asks for it after 3 s."""
 RETRY_US = 2_000_000
@@ -55,6 +58,7 @@ class CommandedVehicle(HeardVehicle):
     _goal: vehicle.Order | None = None
     _attempts: int = 0
     _again_us: int | None = None
+    _replaced: deque[tuple[Errand, int]] = field(default_factory=lambda: deque(maxlen=MOST_REPLACED))
     _ground_number: int = 0
     _ground_us: int = 0
     _ground_text: str = ""
@@ -153,6 +157,9 @@ class CommandedVehicle(HeardVehicle):
     def _on_target(self, target: vehicle.TargetReport, now_us: int) -> None:
         """A new target that is not ours is another station's: the vehicle returns to that, and nothing of ours overwrites it."""
         current = self.diversion or self.errand
+        is_current = current is not None and current.is_ours(target)
+        if not is_current and any(now_us < until_us and old.is_ours(target) for old, until_us in self._replaced):
+            return  # of an order of ours that was replaced before the vehicle reported its target
         was_over = current is None or current.is_over
         is_news = self.targets.on_target(target, now_us, current)
         self._judge(lambda errand: errand.on_target(target, now_us))

@@ -20,7 +20,7 @@ from dyknow.agents.capabilities.flight.arbiter import (
     MissionClaim,
     in_words,
 )
-from dyknow.agents.capabilities.flight.commanded import CommandedVehicle
+from dyknow.agents.capabilities.flight.commanded import REPLACED_US, CommandedVehicle
 from dyknow.agents.capabilities.flight.errand import Errand, OrderProgress
 from dyknow.agents.capabilities.flight.heard_vehicle import FORBIDDEN, InterruptedMission
 from dyknow.agents.places import Fix
@@ -96,6 +96,8 @@ class Pilot(CommandedVehicle):
         return self.errand.command
 
     def _errand(self, order: vehicle.Order) -> Errand:
+        if (replaced := self.diversion or self.errand) is not None:
+            self._replaced.append((replaced, self.now_us + REPLACED_US))
         tells, mode = self.targets.tells(self.now_us), "" if self.status is None else self.status.mode
         before = self.targets.reported if tells else None
         return Errand(self.numbered(order), self.now_us, self.fix, tells, before, mode)

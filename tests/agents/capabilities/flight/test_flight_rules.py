@@ -43,7 +43,7 @@ def test_nothing_is_commanded_without_control_arms_air_and_a_guided_mode(state, 
 
 
 def test_nothing_is_commanded_of_a_vehicle_that_has_not_said_its_state():
-    with pytest.raises(Refused, match="has not said"):
+    with pytest.raises(Refused, match="has not reported"):
         Pilot(control=True).order(HoldOrder())
 
 
