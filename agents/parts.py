@@ -49,7 +49,7 @@ from dyknow.model.errors import UnitError
 
 PLATFORM: tuple[type[Part] | Stage, ...] = (
     Authority, CommandWatch,
-    Stage.SENSING,
+    Stage.SENSING, Stage.FLYING,
     Shedding, LocalInstance, FederationAgent, PeerMotion, ImportProxy, LabelAgreements, SubscriptionKeeper, SilentImports,
     Stage.CONVERSING,
     Admission, PlatformTrust, UnitMonitoring, AlarmLog, Coordination, TaskLife, MonitorQueries, Checks, Recognitions,

@@ -139,7 +139,7 @@ def test_the_platform_imports_no_capability(graph: grimp.ImportGraph) -> None:
     inside = graph.find_descendants("dyknow.agents.capabilities") - {"dyknow.agents.capabilities.capability"}
     assert not {
         (module, imported)
-        for module in graph.find_descendants("agents") - inside
+        for module in graph.find_descendants("dyknow.agents") - inside
         for imported in graph.find_modules_directly_imported_by(module) & inside
     }
 

@@ -29,7 +29,9 @@ class Stage(Enum):
     """When parts are stepped, among those of the platform: within one instant the order of the stages is kept."""
 
     SENSING = auto()
-    """They make samples, or fly: before the local instance."""
+    """They make samples of the vehicle's reports, each of its own: the part that flies takes the others."""
+    FLYING = auto()
+    """They fly the vehicle, or pursue goals: before the local instance."""
     CONVERSING = auto()
     """They keep conversations: after samples were sent and taken, before requests are admitted."""
     REACTING = auto()

@@ -97,7 +97,7 @@ class Site:
         """A source has samples, each its own valid time."""
         for each in valid_us:
             self.now_us = max(self.now_us, each)
-            self.instance.push(source, each, float(each), self.now_us)
+            self.instance.push(source, Sample(self.now_us, each, float(each)))
         if settle:
             self.settle()
 

@@ -10,6 +10,6 @@ def _parts() -> PartClasses:
 
 
 CAPABILITY = Capability(
-    groups=(Group(Stage.SENSING, attends, _parts),),
+    groups=(Group(Stage.FLYING, attends, _parts),),
     after=("attention",),
 )

@@ -6,9 +6,14 @@ from dyknow.agents.capabilities.capability import Capability, Group, PartClasses
 
 def _looking() -> PartClasses:
     from dyknow.agents.capabilities.attention.camera_attention import CameraAttention
+
+    return (CameraAttention,)
+
+
+def _following() -> PartClasses:
     from dyknow.agents.capabilities.attention.following import Following
 
-    return (CameraAttention, Following)
+    return (Following,)
 
 
 def _wanting() -> PartClasses:
@@ -20,6 +25,7 @@ def _wanting() -> PartClasses:
 CAPABILITY = Capability(
     groups=(
         Group(Stage.SENSING, attends, _looking),
+        Group(Stage.FLYING, attends, _following),
         Group(Stage.REACTING, always, _wanting),
     ),
     requests=(FOLLOW, ATTEND, WANT),

@@ -4,11 +4,16 @@ from dyknow.agents.capabilities.capability import Capability, Group, PartClasses
 from dyknow.agents.capabilities.flight.requests import FLIGHT
 
 
-def _vehicle() -> PartClasses:
-    from dyknow.agents.capabilities.flight.flight import FlightAgent
+def _winch() -> PartClasses:
     from dyknow.agents.capabilities.flight.vehicle_streams import WinchStream
 
-    return (WinchStream, FlightAgent)
+    return (WinchStream,)
+
+
+def _flying() -> PartClasses:
+    from dyknow.agents.capabilities.flight.flight import FlightAgent
+
+    return (FlightAgent,)
 
 
 def _faults() -> PartClasses:
@@ -19,8 +24,9 @@ def _faults() -> PartClasses:
 
 CAPABILITY = Capability(
     groups=(
-        Group(Stage.SENSING, has_vehicle, _vehicle),
-        Group(Stage.SENSING, is_simulated, _faults),
+        Group(Stage.SENSING, has_vehicle, _winch),
+        Group(Stage.FLYING, has_vehicle, _flying),
+        Group(Stage.FLYING, is_simulated, _faults),
     ),
     requests=FLIGHT,
 )

@@ -20,8 +20,8 @@ def _relaying() -> PartClasses:
 
 CAPABILITY = Capability(
     groups=(
-        Group(Stage.SENSING, has_vehicle, _with_vehicle),
-        Group(Stage.SENSING, has_no_vehicle, _relaying),
+        Group(Stage.FLYING, has_vehicle, _with_vehicle),
+        Group(Stage.FLYING, has_no_vehicle, _relaying),
     ),
     after=("flight",),
 )

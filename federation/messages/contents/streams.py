@@ -201,6 +201,7 @@ class ImportCounts(parts.ContentPart):
     arrival.
     """
 
+    head: ClassVar[str] = "import-account"
     owner: parts.Unit
     semantic_label: SemanticLabel
     hash: Hash

@@ -22,7 +22,7 @@ import dyknow.agents.platform
 from dyknow.agents.capabilities.capability import found
 
 def parts():
-    return [m for m in sys.modules if m.startswith("dyknow.agents.capabilities.") and m.count(".") > 2]
+    return [m for m in sys.modules if m.startswith("dyknow.agents.capabilities.") and m.count(".") > 3]
 
 names = list(found())
 print("found", *[m for m in parts() if m.rpartition(".")[2] not in ("capability", "requests")])
@@ -30,7 +30,7 @@ sys.stdout.flush()
 for name in names:
     if os.fork() == 0:
         classes = [part for group in found()[name].groups for part in group.load()]
-        print(name, *sorted({m.split(".")[2] for m in parts() if m.rpartition(".")[2] not in ("capability", "requests")}))
+        print(name, *sorted({m.split(".")[3] for m in parts() if m.rpartition(".")[2] not in ("capability", "requests")}))
         sys.stdout.flush()
         os._exit(0)
     os.wait()

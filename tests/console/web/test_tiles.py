@@ -62,7 +62,7 @@ def test_the_files_of_the_page_are_in_what_is_installed() -> None:
     """The wheel has all that is under version control in its packages, and leaves nothing out."""
     with (ROOT / "pyproject.toml").open("rb") as file:
         wheel = tomllib.load(file)["tool"]["hatch"]["build"]["targets"]["wheel"]
-    assert set(wheel) == {"packages"}
+    assert set(wheel) == {"packages", "sources"}
     assert {"console", "dyknow"} <= set(wheel["packages"])
     files = subprocess.run(
         ["git", "ls-files", "console", "dyknow"], cwd=ROOT, check=True, capture_output=True, text=True

@@ -85,9 +85,9 @@ def test_an_intent_is_believed_again_once_positions_agree_with_it() -> None:
         others.take("1", _intent(at_us, there.latitude_deg + north), at_us)
         others.see("1", Fix(at_us, *there, 0.0, 0.0, 0.0), at_us)
         if half == 7:
-            assert not others.by_unit["1"].said
+            assert not others.by_unit["1"].has_intent
             assert others.by_unit["1"].rank(at_us) is RightOfWay.CANNOT
-    assert others.by_unit["1"].said
+    assert others.by_unit["1"].has_intent
     assert CREDIBLE_US < 20 * S
 
 
@@ -114,7 +114,7 @@ def test_one_outlier_of_a_position_contradicts_nothing() -> None:
     others.take("1", _intent(0, 58.0), 0)
     assert others.see("1", Fix(0, 58.1, 15.0, 60.0), 0) is None
     others.see("1", Fix(S // 2, 58.0, 15.0, 60.0), S // 2)
-    assert others.by_unit["1"].said
+    assert others.by_unit["1"].has_intent
     assert "contradiction" not in others.left_out
 
 
@@ -164,7 +164,7 @@ def test_an_intent_of_long_ago_costs_as_much_as_one_of_half_an_hour() -> None:
 def test_one_that_is_taken_by_its_positions_does_not_propose_itself_away(wire: Box) -> None:
     head_on_with(wire, LIES["withheld"])
     known = part_of(wire, "0").others.by_unit["1"]
-    assert not known.said
+    assert not known.has_intent
     wire.asked("1", "0", Avoid(units=("0", "1"), legs="58.0200000,15.0000000,100.0"))
     known = part_of(wire, "0").others.by_unit["1"]
     assert known.intent.source is IntentSource.STRAIGHT

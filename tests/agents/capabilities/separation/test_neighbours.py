@@ -161,7 +161,7 @@ def test_one_that_says_no_intent_is_taken_by_its_motion() -> None:
     assert tube[4, 10] > tube[4, 0]
     others.take("1", said(1), at(1))
     others.see("1", Fix(at(2), 58.1, 15.0, 60.0), at(2))
-    assert others.by_unit["1"].said
+    assert others.by_unit["1"].has_intent
 
 
 def test_of_too_many_the_one_that_was_heard_first_is_left_out() -> None:
