@@ -33,7 +33,7 @@ from dyknow.documents.durations import SHORTEST_US, duration_us
 from dyknow.model.instants import print_span
 
 M = TypeVar("M", bound=BaseModel)
-ROOMS: Final = ("agents", "dyknow.agents.capabilities")
+ROOMS: Final = ("dyknow.agents", "dyknow.agents.capabilities")
 """Packages whose folders may have an `options.py`."""
 BASE: Final = "base"
 """Key of the folder in the context of a validation, to which paths are relative; without it they stay as they are."""
