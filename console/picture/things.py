@@ -106,7 +106,7 @@ class ThingStates:
         return 1
 
     def on_time(self) -> None:
-        """Give out what has news and is due, platforms first."""
+        """Report the things that have changed and are due, platforms first."""
         now_us = self._now_us()
         objects = [_object(row) for row in self._picture.section("objects").values() if row["at"]]
         there = [*self._platforms(), *sorted(objects, key=lambda track: -track.valid_us)]

@@ -1,5 +1,9 @@
 """A beacon that rings on request, and streams how often it has rung."""
 
+from typing import Annotated
+
+from pydantic import Field
+
 from dyknow import Sample
 from dyknow.agents.actions import REQUESTED, Action, Offer, Role
 from dyknow.agents.part import Part
@@ -21,7 +25,7 @@ fields = { count = "" }
 class RingBeacon(Content):
     """`(ring-beacon times: 3)`: ring that often."""
 
-    times: int = 1
+    times: Annotated[int, Field(ge=1, le=1000)] = 1
 
 
 class Beacon(Part):

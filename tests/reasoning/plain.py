@@ -321,7 +321,7 @@ class _Builder:
 
 
 class Restarted:
-    """A formula that is started anew at every state, as `dyknow.reasoning.progression.restarting` has it."""
+    """A formula that is started again at each state, like `dyknow.reasoning.progression.restarting`."""
 
     def __init__(self, formula: Formula, period_us: int | None) -> None:
         self.start = compile_operator(formula, {}, period_us).start

@@ -74,7 +74,7 @@ class Holder:
         return len(list(self.session.info.peers_zid()))
 
     def heard_since(self, instant_s: float) -> list[tuple[float, str]]:
-        """What came later than that, each with how much later."""
+        """The samples that came after that instant: seconds after it, and key."""
         return [(at_s - instant_s, key) for at_s, key in self.heard if at_s > instant_s]
 
     def lost(self) -> int:
@@ -107,7 +107,7 @@ def secured(dyknow: Dyknow, tmp_path: Path) -> Iterator[tuple[Dyknow, Path, Call
 
 
 def until(holds: Callable[[], bool], within_s: float = PATIENCE_S, seen: Callable[[], object] = str) -> float:
-    """Wait until it holds; how long that took. When it does not, the error says what is seen instead."""
+    """Wait until it holds; returns the seconds that it took. If it does not hold in time, the error shows `seen()`."""
     begun = time.monotonic()
     while not holds():
         assert time.monotonic() - begun < within_s, seen()

@@ -2,6 +2,7 @@
 
 import re
 import time
+from collections import Counter
 from pathlib import Path
 from typing import Any
 
@@ -79,7 +80,11 @@ def recognised_turn(dyknow: Dyknow, *, is_predicted: bool) -> dict[str, Any]:
             if turn is not None and bool(turn[2]) is is_predicted:
                 return each
         cars |= {(each["unit"], each["to"]) for each in events if is_of_a_percept(each)}
-        assert len(cars) < CARS, f"no way of {len(cars)} cars among {len(events)} events: {events[-5:]}"
+        if len(cars) >= CARS:
+            recognised = Counter(
+                (each["unit"], each["to"].partition("[")[0]) for each in events if each["event"] == "recognised"
+            )
+            pytest.fail(f"no way of {len(cars)} cars; recognised are {recognised}; the platforms: {dyknow.run('ls')}")
 
 
 def is_of_a_percept(event: dict[str, Any]) -> bool:
